@@ -61,7 +61,7 @@ def draw_bounds(ax: Axes) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Draw the pictures, and print the verdict of the last one."""
+    """Draw the pictures, and print the verdict of the last picture."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--plot", type=Path, help="write the pictures to this file")
     arguments = parser.parse_args(argv)

@@ -1,4 +1,4 @@
-"""A corridor with a point in it, the smallest task that needs a memory; alone, and many at once."""
+"""A point in a corridor, the smallest task that needs a memory: one environment, and a vector."""
 
 from typing import Any
 
@@ -12,14 +12,14 @@ __all__ = ["Corridor", "VectorCorridor"]
 
 
 class Corridor(gym.Env[np.ndarray, np.ndarray]):
-    """A point x in [-1, 1] is moved by ``stride * action``; the observation is x, the reward is 0.
+    """A point x in [-1, 1], which an action moves by ``stride * action``. The reward is 0.
 
-    It starts anywhere. Where it has been cannot be seen from x: a policy that is to visit both
-    ends needs more than the observation. ``info["x"]`` is x as it is observed.
+    The point starts anywhere. The observation is x, which does not show earlier positions: a policy
+    that must visit both ends needs more than the observation. ``info["x"]`` is the observed x.
     """
 
     def __init__(self, stride: float = 0.1) -> None:
-        """Sets how far an action of 1 moves the point."""
+        """Set the distance that an action of 1 moves the point."""
         self.observation_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self._stride = stride
@@ -28,37 +28,37 @@ class Corridor(gym.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Puts the point anywhere."""
+        """Put the point anywhere."""
         super().reset(seed=seed, options=options)
         self._x = self.np_random.uniform(-1.0, 1.0)
-        return self._observed()
+        return self._observation()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Moves the point; walls stop it at -1 and 1."""
-        moved = self._x + self._stride * min(max(float(action[0]), -1.0), 1.0)
-        self._x = min(max(moved, -1.0), 1.0)
-        obs, info = self._observed()
+        """Move the point; walls stop it at -1 and 1."""
+        x = self._x + self._stride * min(max(float(action[0]), -1.0), 1.0)
+        self._x = min(max(x, -1.0), 1.0)
+        obs, info = self._observation()
         return obs, 0.0, False, False, info
 
-    def _observed(self) -> tuple[np.ndarray, dict[str, Any]]:
+    def _observation(self) -> tuple[np.ndarray, dict[str, Any]]:
         obs = np.array([self._x], np.float32)
         return obs, {"x": float(obs[0])}
 
 
 class VectorCorridor(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many corridors in arrays; each does what a `Corridor` with a ``TimeLimit`` does.
+    """A vector of corridors; each equals a `Corridor` with a ``TimeLimit``.
 
-    Nothing is reset by itself, the mode ``DISABLED``: ``reset(options={"reset_mask": mask})``
-    begins new episodes in the corridors of the mask. A list of seeds has one for each corridor.
+    The autoreset mode is ``DISABLED``: ``reset(options={"reset_mask": mask})`` starts new episodes
+    in the corridors of the mask. A list of seeds has a seed for each corridor.
     """
 
     def __init__(self, num: int, stride: float = 0.1, steps: int = 50) -> None:
-        """Makes ``num`` corridors whose episodes have ``steps`` steps."""
-        alone = Corridor(stride)
+        """Create ``num`` corridors with episodes of ``steps`` steps."""
+        single = Corridor(stride)
         self.metadata = {"autoreset_mode": AutoresetMode.DISABLED}
         self.num_envs = num
-        self.single_observation_space = alone.observation_space
-        self.single_action_space = alone.action_space
+        self.single_observation_space = single.observation_space
+        self.single_action_space = single.action_space
         self.observation_space = batch_space(self.single_observation_space, num)
         self.action_space = batch_space(self.single_action_space, num)
         self._stride, self._limit = stride, steps
@@ -72,7 +72,7 @@ class VectorCorridor(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Puts the points of the mask anywhere; without one all."""
+        """Put the points of the mask anywhere; without a mask, all points."""
         seeds = seed if isinstance(seed, list) else [seed] * self.num_envs
         if isinstance(seed, int):
             seeds = [seed + k for k in range(self.num_envs)]
@@ -82,20 +82,20 @@ class VectorCorridor(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 self._random[k] = np.random.default_rng(seeds[k])
             self._x[k] = self._random[k].uniform(-1.0, 1.0)
         self._steps[mask] = 0
-        return self._observed()
+        return self._observation()
 
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Moves the points; walls stop them at -1 and 1."""
-        moved = self._x + self._stride * np.clip(actions[:, 0].astype(np.float64), -1.0, 1.0)
-        self._x = np.clip(moved, -1.0, 1.0)
+        """Move the points; walls stop them at -1 and 1."""
+        x = self._x + self._stride * np.clip(actions[:, 0].astype(np.float64), -1.0, 1.0)
+        self._x = np.clip(x, -1.0, 1.0)
         self._steps += 1
-        obs, infos = self._observed()
+        obs, infos = self._observation()
         never = np.zeros(self.num_envs, np.bool_)
         return obs, np.zeros(self.num_envs), never, self._steps >= self._limit, infos
 
-    def _observed(self) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def _observation(self) -> tuple[NDArray[np.float32], dict[str, Any]]:
         obs = self._x[:, None].astype(np.float32)
-        there = np.ones(self.num_envs, np.bool_)
-        return obs, {"x": obs[:, 0].astype(np.float64), "_x": there}
+        has_x = np.ones(self.num_envs, np.bool_)
+        return obs, {"x": obs[:, 0].astype(np.float64), "_x": has_x}

@@ -1,9 +1,9 @@
-"""A humanoid falls: stopped before it lands, or watched until after the blow of its landing.
+"""A humanoid falls: a monitor stops it before it lands, or watches the blow of its landing.
 
 `caught`: whenever the trunk sinks below 1 m, it is up again within 0.09 s. The monitor ends an
-episode as soon as that is impossible, before the trunk meets the floor. `soft`: the trunk never
-meets it with 1000 N or more. A blow takes a few milliseconds, an observation is made every 15 ms.
-`substeps=True` feeds the monitor at every step of the simulation, every 3 ms, so that it sees a
+episode as soon as that is impossible, before the trunk hits the floor. `soft`: the trunk never hits
+the floor with 1000 N or more. A blow takes a few milliseconds, and observations are 15 ms apart.
+`substeps=True` updates the monitor at every step of the simulation, every 3 ms, so that it sees a
 blow between two observations.
 
 Run: python examples/falling_humanoid.py --episodes 4 --plot falling_humanoid.png
@@ -27,7 +27,7 @@ SIGNALS = {"height": "body:torso.xpos[2]", "blow": "contact:torso,floor.force"}
 
 
 def fall(monitor: StlMonitor[Any, Any], seed: int) -> tuple[list[float], float]:
-    """Acts at random; returns the height after each step, and the hardest blow."""
+    """Act at random; return the height after each step, and the hardest blow."""
     simulation: Any = monitor.unwrapped
     _, info = monitor.reset(seed=seed)
     monitor.action_space.seed(seed)
@@ -39,7 +39,7 @@ def fall(monitor: StlMonitor[Any, Any], seed: int) -> tuple[list[float], float]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Falls from several starts; prints and draws what the monitors see."""
+    """Simulate several falls; print and draw the results of the monitors."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument("--plot", type=Path, help="draw the falls into this file")
@@ -53,16 +53,16 @@ def main(argv: list[str] | None = None) -> None:
     print("start  stopped at  on the floor  blow seen every 15 ms  every 3 ms")
     for seed in range(arguments.episodes):
         stop = len(fall(stopping, seed)[0])
-        (heights, seen), (_, hardest) = fall(coarse, seed), fall(fine, seed)
+        (heights, observed), (_, hardest) = fall(coarse, seed), fall(fine, seed)
         floor = int(np.argmax(np.array(heights) < 0.2)) + 1
         print(
             f"{seed:5} {0.015 * stop:9.2f} s {0.015 * floor:11.2f} s"
-            f" {seen:20.0f} N {hardest:9.0f} N"
+            f" {observed:20.0f} N {hardest:9.0f} N"
         )
         times, colour = 0.015 * np.arange(1, len(heights) + 1), f"C{seed % 6}"
         height.plot(times[:stop], heights[:stop], "o-", color=colour, markevery=[-1])
         height.plot(times[stop - 1 :], heights[stop - 1 :], ":", color=colour)
-        blow.bar(seed - 0.2, seen, 0.4, color="0.75")
+        blow.bar(seed - 0.2, observed, 0.4, color="0.75")
         blow.bar(seed + 0.2, hardest, 0.4, color=colour)
     if arguments.plot:
         height.set(title="height of the trunk in m; dot: the monitor stops", xlabel="time in s")

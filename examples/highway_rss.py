@@ -1,8 +1,8 @@
-"""Two drivers on a highway and two rules: how long before a crash a rule was broken.
+"""Two drivers on a highway and two rules: when a driver breaks a rule before a crash.
 
-`distance`, after responsibility-sensitive safety (Shalev-Shwartz et al., 2017): a car that is too
-close to brake in time makes room within 3 s. `lane`: a change of lanes takes at most 2 s. These
-runs go on after a violation, to show the crash that follows.
+`distance`, from responsibility-sensitive safety (Shalev-Shwartz et al., 2017): a car that is too
+close to brake in time makes room within 3 s. `lane`: a change of lanes takes at most 2 s. The runs
+continue after a violation, to show the crash that follows.
 
 Run: python examples/highway_rss.py --episodes 4 --plot highway_rss.png
 """
@@ -26,7 +26,7 @@ LEFT, IDLE, RIGHT, FASTER, SLOWER = range(5)
 
 
 def spare(highway: Any) -> float:
-    """Metres to spare if the car ahead brakes now with 6 m/s2, and our car 1 s later."""
+    """Return the metres to spare if the car ahead brakes now with 6 m/s2, and our car 1 s later."""
     own = highway.vehicle
     ahead, _ = highway.road.neighbour_vehicles(own)
     if ahead is None:
@@ -36,7 +36,7 @@ def spare(highway: Any) -> float:
 
 
 def drive(driver: str, highway: Any, _obs: object) -> int:
-    """Acts as the cautious driver, who keeps his distance, or as one who weaves between cars."""
+    """Return the action of a driver: cautious with distance, or weaving between cars."""
     if driver == "cautious":
         return SLOWER if spare(highway) < 15 else FASTER if spare(highway) > 30 else IDLE
     if spare(highway) > -40 or highway.steps % 5:
@@ -45,7 +45,7 @@ def drive(driver: str, highway: Any, _obs: object) -> int:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Lets both drive; prints and draws which rules they break."""
+    """Simulate both drivers; print and draw the rules that they break."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument("--plot", type=Path, help="draw the episodes into this file")
@@ -57,13 +57,20 @@ def main(argv: list[str] | None = None) -> None:
     for seed in range(arguments.episodes):
         for driver, colour in (("cautious", "C0"), ("aggressive", "C1")):
             policy = partial(drive, driver, env.unwrapped)
-            named: Any = {"policy": policy, "seed": seed, "stop": "end"}
-            run = simulate(env, SPECS, SIGNALS, at_termination="complete", **named)
+            run = simulate(
+                env,
+                SPECS,
+                SIGNALS,
+                policy=policy,
+                seed=seed,
+                stop="end",
+                at_termination="complete",
+            )
             margins = "  ".join(f"{run.histories[rule].final:+6.2f} m" for rule in SPECS)
             crash, broken = run.ended == "terminated", "never"
-            if (at := run.violated_at) is not None:
-                broken = f"{run.times[at]:.1f} s"
-                distance.plot(run.times[at], run.signals["spare"][at], "o", color=colour)
+            if (sample := run.violated_at) is not None:
+                broken = f"{run.times[sample]:.1f} s"
+                distance.plot(run.times[sample], run.signals["spare"][sample], "o", color=colour)
             print(f"{driver:10}  {margins}  {broken:>9}  {run.duration:6.1f} s{'  crash' * crash}")
             style: Any = {"color": colour, "marker": "x" if crash else "", "markevery": [-1]}
             distance.plot(run.times, run.signals["spare"], **style)

@@ -1,7 +1,8 @@
 """A controller that looks ahead: it chooses the future with the largest robustness.
 
-A cart balances a pole in a corridor that bends, where feedback reacts too late. The controller runs
-the simulation on from a snapshot to several places, and goes where the minimum robustness is best.
+A cart balances a pole in a corridor that bends, where feedback reacts too late. The controller
+continues the simulation from a snapshot towards several goals, and chooses the goal with the
+largest minimum robustness.
 
 Run: python examples/lookahead.py --plot lookahead.png
 """
@@ -26,32 +27,32 @@ SIGNALS["middle"] = lambda _model, data: middle(data.time)
 
 
 def middle(time: Any) -> Any:
-    """The middle of the corridor at a time, in metres."""
+    """Return the middle of the corridor at a time, in metres."""
     return 0.5 - 0.5 * np.cos(1.1 * time)
 
 
-def towards(place: float) -> Callable[[Any, Any], None]:
-    """Feedback that balances the pole and brings the cart to a place."""
+def towards(goal: float) -> Callable[[Any, Any], None]:
+    """Return feedback that balances the pole and moves the cart to a goal."""
 
     def act(_model: Any, data: Any) -> None:
         (x, angle), (speed, turn) = data.qpos, data.qvel
-        data.ctrl[0] = 1.5 * (x - place) + 6 * angle + 1.6 * speed + 1.4 * turn
+        data.ctrl[0] = 1.5 * (x - goal) + 6 * angle + 1.6 * speed + 1.4 * turn
 
     return act
 
 
 def drive(ax: Any, ahead: float) -> StepMonitor:
-    """Drives and draws; compares futures of so many seconds, or steers by feedback if that is 0."""
+    """Drive and draw; compare futures of ``ahead`` seconds, or use feedback alone if it is 0."""
     monitor = StepMonitor(MODEL, mujoco.MjData(MODEL), SPEC, SIGNALS, view="step")
     for decision in range(120):
-        now, place, futures = Snapshot.of(monitor), middle(monitor.data.time), []
-        for goal in place + np.linspace(-0.8, 0.8, 17) if ahead else ():
+        now, center, futures = Snapshot.of(monitor), middle(monitor.data.time), []
+        for goal in center + np.linspace(-0.8, 0.8, 17) if ahead else ():
             future = simulate(monitor, start=now, policy=towards(goal), duration=ahead, stop="end")
             worst = min(future.histories["out"].robustness[1:])
             futures.append((worst, goal))
             if decision % 10 == 0:
                 ax.plot(future.times, future.signals["cart"], "C2" if worst > 0 else "C1", lw=0.4)
-        policy = towards(max(futures)[1] if futures else place)
+        policy = towards(max(futures)[1] if futures else center)
         run = simulate(monitor, policy=policy, duration=0.1, stop="end")
         ax.plot(run.times, run.signals["cart"], color="C0")
     times = np.linspace(0, 12, 200)
@@ -60,7 +61,7 @@ def drive(ax: Any, ahead: float) -> StepMonitor:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Drives by feedback alone and by looking ahead; prints and draws both."""
+    """Drive by feedback alone and by looking ahead; print and draw both."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--plot", type=Path, help="draw the cart into this file")
     arguments = parser.parse_args(argv)
@@ -68,8 +69,9 @@ def main(argv: list[str] | None = None) -> None:
     figure, axes = plt.subplots(1, 2, sharey=True)
     print(f"{SPEC}\n\n{'driver':17}verdict    at step  robustness")
     for ax, driver, ahead in zip(axes, ("feedback alone", "looks 1 s ahead"), (0, 1), strict=True):
-        seen = drive(ax, ahead)
-        print(f"{driver:17}{seen.verdict.name:9}{seen.violated_at or '-':>9}{seen.upper:12.2f}")
+        monitor = drive(ax, ahead)
+        step = monitor.violated_at or "-"
+        print(f"{driver:17}{monitor.verdict.name:9}{step:>9}{monitor.upper:12.2f}")
         ax.set(title=driver, ylim=(-0.6, 1.6), xlabel="time in s", ylabel="cart in m")
     if arguments.plot:
         figure.savefig(arguments.plot)

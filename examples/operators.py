@@ -1,7 +1,7 @@
-"""Every temporal operator in a picture: the signals, its robustness, and where it holds.
+"""Every temporal operator in a picture: its signals, its robustness, and where it holds.
 
-Where a window goes beyond the end, the trace counts as complete: the window is cut, and an empty
-one has robustness inf or -inf, drawn at the edge. The last row is dense time: values last.
+The trace is complete: a window that extends past the end is cut, and an empty window has robustness
+inf or -inf, drawn at the edge. The last row is dense time, where values last until the next sample.
 
 Run: python examples/operators.py --plot docs/examples/operators.png
 """
@@ -35,7 +35,7 @@ EDGE = 3.4
 
 
 def draw(ax: Any, formula: str, *, dense: bool) -> None:
-    """Draws the signals of an operator, and its robustness in colours that say where it holds."""
+    """Draw the signals of an operator, and its robustness in colours that show where it holds."""
     ax.axhline(0, color="0.6", linewidth=0.6)
     for name, values, colour in ("p", P, "C0"), ("q", Q, "0.4"):
         if f"{name} >" in formula:
@@ -43,9 +43,9 @@ def draw(ax: Any, formula: str, *, dense: bool) -> None:
             ax.text(-0.5, values[0], name, color=colour, fontsize=7, ha="right", va="center")
     if dense:
         signals = {name: rtamt.dense.Events(range(10), x) for name, x in NAMED}
-        found = rtamt.dense.evaluate(formula, signals)
-        ends = [*found.times[1:], 9]
-        for begin, end, value in zip(found.times, ends, found.values, strict=True):
+        robustness = rtamt.dense.evaluate(formula, signals)
+        times = [*robustness.times, 9]
+        for begin, end, value in zip(times, times[1:], robustness.values, strict=False):
             colour = "C2" if rtamt.holds(value) else "C1"
             ax.plot([begin, end], [value, value], colour, linewidth=2, solid_capstyle="butt")
         return
@@ -56,7 +56,7 @@ def draw(ax: Any, formula: str, *, dense: bool) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Draws every operator, and prints at which samples it holds."""
+    """Draw every operator, and print at which samples it holds."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--plot", type=Path, help="draw the operators into this file")
     arguments = parser.parse_args(argv)
@@ -69,8 +69,8 @@ def main(argv: list[str] | None = None) -> None:
         ax.set_title("dense: " * dense + formula, fontsize=7, family="monospace", loc="left")
         ax.set(xlim=(-1.3, 9.3), ylim=(-3.8, 3.8), xticks=(0, 3, 6, 9))
         if not dense:
-            held = rtamt.evaluate(formula, dict(NAMED), period=1)
-            print("".join("+" if rtamt.holds(value) else "-" for value in held), formula)
+            values = rtamt.evaluate(formula, dict(NAMED), period=1)
+            print("".join("+" if rtamt.holds(value) else "-" for value in values), formula)
     if arguments.plot:
         figure.savefig(arguments.plot, dpi=80)
 

@@ -1,8 +1,8 @@
-"""Reach and stay: a car of highway-env has to park in time and to stay in its spot.
+"""Reach and stay: a car of highway-env must park in time and stay in its spot.
 
-For the environment it is enough to touch the spot at any speed; for the specification it is not.
-This driver goes straight to the spot, forward or in reverse. With the spot at its side, it changes
-gear again and again and gets nowhere. A run stops as soon as its verdict is certain.
+The environment accepts a touch of the spot at any speed; the specification does not. This driver
+goes straight to the spot, forward or in reverse. With the spot at its side, it changes gear again
+and again and does not arrive. A run stops as soon as its verdict is certain.
 
 Run: python examples/parking.py --episodes 8 --plot parking.png
 """
@@ -30,7 +30,7 @@ SIGNALS = {
 
 
 def drive(obs: Any) -> Any:
-    """Acceleration and steering; the car slows down near the spot."""
+    """Return acceleration and steering; the car slows down near the spot."""
     vx, vy, cos, sin = obs["achieved_goal"][2:]
     dx, dy = 100 * (obs["desired_goal"] - obs["achieved_goal"])[:2]
     ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
@@ -42,7 +42,7 @@ def drive(obs: Any) -> Any:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Parks from several starts; prints and draws the verdicts."""
+    """Park from several starts; print and draw the verdicts."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--plot", type=Path, help="draw the episodes into this file")
@@ -54,11 +54,11 @@ def main(argv: list[str] | None = None) -> None:
     print(f"{SPEC}\nstart  verdict    certain after  robustness in m")
     for seed in range(arguments.episodes):
         run = simulate(env, SPEC, SIGNALS, policy=drive, seed=seed, stop="decided")
-        course = run.histories["parked"]
-        bounds = f"{course.lower[-1]:.2f} to {course.upper[-1]:.2f}"
-        print(f"{seed:5}  {course.verdict.name:9} {run.duration:12.1f} s  {bounds}")
+        history = run.histories["parked"]
+        bounds = f"{history.lower[-1]:.2f} to {history.upper[-1]:.2f}"
+        print(f"{seed:5}  {history.verdict.name:9} {run.duration:12.1f} s  {bounds}")
         x, y, goal_x, goal_y = (100 * run.signals[name] for name in SIGNALS)
-        colour = "C0" if course.verdict > 0 else "C1"
+        colour = "C0" if history.verdict > 0 else "C1"
         lot.bar(goal_x[0], 8, 4, goal_y[0] - 4, fill=False, edgecolor=colour)
         lot.plot(x, y, "o-", color=colour, markevery=[-1])
         lot.annotate(f" {seed}", (x[-1], y[-1]), va="bottom")

@@ -1,7 +1,7 @@
 """A study over many seeds: three tasks, each with our method, two others and controls.
 
-A run is one seed of one method. Its row is written when it is over, and a program that was stopped
-goes on with the runs that the file lacks. The seeds of a task were fixed before its first run.
+A run is one seed of one method. Its row is written at its end, and a restarted program continues
+with the runs that the file lacks. The seeds of a task were fixed before its first run.
 
 Run: python examples/study.py corridor patrol speed_limit --seeds 100 --output study.jsonl
 """
@@ -23,7 +23,7 @@ import train_speed_limit
 from corridor import VectorCorridor
 from gymnasium import Env
 from gymnasium.vector import VectorEnv
-from training import FIRST_JUDGED, printed
+from training import FIRST_EVALUATED, text_table
 
 from rtamt_gym import (
     StlReward,
@@ -35,14 +35,14 @@ from rtamt_gym import (
 
 EPISODES = 100
 FIRST_CHOSEN = 2_000_000
-"""The seed of the first episode by which the policy of a run is chosen."""
+"""The seed of the first episode for choosing the policy of a run."""
 TARGET = 0.98
-"""The rate at which a run stops, if a test on further episodes does not refuse it."""
+"""The rate at which a run stops, if a test on further episodes confirms it."""
 METHODS = ("ours", "plain", "naive", "control")
 UNSTOPPED = ("control", "whole")
-"""Methods that train to the end, so that their last policies say what a reward leads to."""
+"""Methods that train to the end, so that their last policies show the effect of a reward."""
 OURS = 5
-"""How many runs of ours come with one run of each other method."""
+"""The number of runs of ours per run of another method."""
 GAMMA = 0.98
 
 Envs = VectorEnv[Any, Any, Any]
@@ -50,26 +50,26 @@ Envs = VectorEnv[Any, Any, Any]
 
 @dataclass(frozen=True)
 class Task:
-    """What is learned, and how it is judged.
+    """A task to learn, and its evaluation.
 
     Attributes:
         required: The requirements, the same for all methods.
         signals: Their signals.
-        period: Time between two samples; None: the environment says it.
-        learner: Makes, from a method and a seed, a learner with its environments.
-        seen: Makes environments as the policy of a method sees them, whose episodes judge.
+        period: The time between two samples; None takes it from the environment.
+        learner: A function that returns a learner with its environments for a method and a seed.
+        policy_env: A function that returns the environments for evaluating a method.
         first_seed: The seed of the first run; each further run has one more.
-        steps: The most steps of the environments that a run trains.
-        every: After how many steps a policy is a candidate for the best of its run.
-        chosen_by: By how many episodes candidates are compared.
-        methods: What is compared.
+        steps: The maximum number of steps of training.
+        every: The number of steps between candidates for the best policy of a run.
+        chosen_by: The number of episodes for comparing candidates.
+        methods: The compared methods.
     """
 
     required: Mapping[str, str]
     signals: Mapping[str, Any]
     period: float | None
     learner: Callable[[str, int], Any]
-    seen: Callable[[str], Any]
+    policy_env: Callable[[str], Any]
     first_seed: int
     steps: int
     every: int
@@ -78,12 +78,12 @@ class Task:
 
 
 def falling(left: float) -> float:
-    """A rate of learning from 1e-3 to 0, from the share of the steps that is left."""
+    """Return a learning rate from 1e-3 to 0; ``left`` is the share of the remaining steps."""
     return 1e-3 * left
 
 
 def ppo(envs: Envs, seed: int, n_steps: int) -> Any:
-    """PPO whose noise lasts ten steps, whose rollouts are whole episodes, and whose rate falls."""
+    """Return PPO with noise over ten steps, rollouts of whole episodes, and a falling rate."""
     from stable_baselines3 import PPO
     from vec_env import GymnasiumVecEnv
 
@@ -103,12 +103,12 @@ def ppo(envs: Envs, seed: int, n_steps: int) -> Any:
 
 
 def corridor(num: int) -> Envs:
-    """Corridors of the first task."""
+    """Return the corridors of the first task."""
     return VectorCorridor(num, stride=0.1, steps=train_corridor.STEPS)
 
 
-def corridor_kept(method: str) -> dict[str, Any]:
-    """The arguments of the monitors of the first task."""
+def corridor_options(method: str) -> dict[str, Any]:
+    """Return the arguments of the monitors of the first task."""
     return {
         "specs": train_corridor.REQUIRED,
         "signals": train_corridor.SIGNALS,
@@ -120,23 +120,23 @@ def corridor_kept(method: str) -> dict[str, Any]:
 
 
 def corridor_learner(method: str, seed: int) -> Any:
-    """What learns to visit both places; the control sees no state of the monitors."""
-    envs, kept = corridor(40), corridor_kept(method)
+    """Return the learner of visiting both ends; the control does not see the monitor state."""
+    envs, options = corridor(40), corridor_options(method)
     if method == "naive":
-        envs = VectorStlReward(envs, mode="replace", **kept)
+        envs = VectorStlReward(envs, mode="replace", **options)
     elif method != "plain":
-        paid: dict[str, Any] = {"weight": 2.0, "bonus": train_corridor.BONUS}
-        envs = VectorStlReward(envs, mode="progress", gamma=GAMMA, **paid, **kept)
+        reward: dict[str, Any] = {"weight": 2.0, "bonus": train_corridor.BONUS}
+        envs = VectorStlReward(envs, mode="progress", gamma=GAMMA, **reward, **options)
     return ppo(envs, seed, train_corridor.STEPS)
 
 
 def patrol(num: int) -> Envs:
-    """Corridors of the second task."""
+    """Return the corridors of the second task."""
     return VectorCorridor(num, stride=0.2, steps=train_patrol.STEPS)
 
 
-def patrol_kept(method: str) -> dict[str, Any]:
-    """The arguments of the monitors of the second task."""
+def patrol_options(method: str) -> dict[str, Any]:
+    """Return the arguments of the monitors of the second task."""
     return {
         "specs": train_patrol.REQUIRED,
         "signals": train_patrol.SIGNALS,
@@ -147,28 +147,28 @@ def patrol_kept(method: str) -> dict[str, Any]:
 
 
 def patrol_learner(method: str, seed: int) -> Any:
-    """What learns to visit both places again and again; the control sees no clocks."""
-    envs, kept = patrol(10), patrol_kept(method)
+    """Return the learner of patrolling both ends; the control does not see the obligations."""
+    envs, options = patrol(10), patrol_options(method)
     if method == "naive":
-        envs = VectorStlReward(envs, mode="replace", on_violation="report", **kept)
+        envs = VectorStlReward(envs, mode="replace", on_violation="report", **options)
     elif method != "plain":
-        paid: dict[str, Any] = {"penalty": 1.0, "on_violation": "terminate"}
-        envs = VectorStlReward(envs, mode="potential", gamma=GAMMA, **paid, **kept)
+        reward: dict[str, Any] = {"penalty": 1.0, "on_violation": "terminate"}
+        envs = VectorStlReward(envs, mode="potential", gamma=GAMMA, **reward, **options)
     return ppo(envs, seed, train_patrol.STEPS)
 
 
-def limited(method: str) -> Env[Any, Any]:
-    """What a method learns the speed limit in.
+def speed_limit_env(method: str) -> Env[Any, Any]:
+    """Return the training environment of a method for the speed limit.
 
-    Ours pays 30 less at the violation, which ends an episode; the control pays the same, and goes
-    on. `whole` is ours.
+    In ours, a violation costs 30 and ends the episode; in the control, it costs 30 and the episode
+    continues. `whole` is ours.
     """
     match method:
         case "plain" | "naive":
-            return train_speed_limit.trained(method)
+            return train_speed_limit.training_env(method)
         case _:
             return StlReward(
-                train_speed_limit.made(),
+                train_speed_limit.make_env(),
                 train_speed_limit.SLOW,
                 train_speed_limit.SPEED,
                 mode="potential",
@@ -179,14 +179,14 @@ def limited(method: str) -> Env[Any, Any]:
 
 
 def limit_learner(method: str, seed: int) -> Any:
-    """PPO whose noise lasts eight steps, and whose rate falls."""
+    """Return PPO with noise over eight steps and a falling rate."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
     return PPO(
         "MlpPolicy",
-        VecNormalize(make_vec_env(lambda: limited(method), 16, seed=seed)),
+        VecNormalize(make_vec_env(lambda: speed_limit_env(method), 16, seed=seed)),
         n_steps=128,
         batch_size=512,
         learning_rate=falling,
@@ -204,7 +204,7 @@ TASKS = {
         train_corridor.SIGNALS,
         1.0,
         corridor_learner,
-        lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_kept(method)),
+        lambda method: VectorStlMonitor(corridor(EPISODES), **corridor_options(method)),
         first_seed=40_000,
         steps=40_000,
         every=4000,
@@ -216,7 +216,7 @@ TASKS = {
         1.0,
         patrol_learner,
         lambda method: VectorStlMonitor(
-            patrol(EPISODES), on_violation="report", **patrol_kept(method)
+            patrol(EPISODES), on_violation="report", **patrol_options(method)
         ),
         first_seed=41_000,
         steps=48_000,
@@ -228,7 +228,7 @@ TASKS = {
         train_speed_limit.SIGNALS,
         None,
         limit_learner,
-        lambda _: train_speed_limit.made,
+        lambda _: train_speed_limit.make_env,
         first_seed=42_000,
         steps=163_840,
         every=16_384,
@@ -239,7 +239,7 @@ TASKS = {
 
 
 def best_of(learner: Any, path: Path) -> Any:
-    """The policy that a callback kept in a file, as its training environment shows it the world."""
+    """Return the best policy from its file, with the normalization of its training environment."""
     from stable_baselines3.common.vec_env import VecNormalize
 
     from rtamt_gym.learners.sb3 import as_trained
@@ -251,19 +251,19 @@ def best_of(learner: Any, path: Path) -> Any:
 
 
 def run(name: str, method: str, seed: int) -> dict[str, Any]:
-    """Trains one method with one seed, and judges its best policy; its row."""
+    """Train one method with one seed, and evaluate its best policy; return the row."""
     import torch
 
     from rtamt_gym.learners.sb3 import SatisfactionCallback, as_trained
 
     torch.set_num_threads(1)
     task = TASKS[name]
-    asked: dict[str, Any] = {"period": task.period, "n_envs": task.chosen_by}
+    options: dict[str, Any] = {"period": task.period, "n_envs": task.chosen_by}
     learner = task.learner(method, seed)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "best"
         callback = SatisfactionCallback(
-            task.seen(method),
+            task.policy_env(method),
             task.required,
             task.signals,
             eval_freq=task.every,
@@ -271,36 +271,36 @@ def run(name: str, method: str, seed: int) -> dict[str, Any]:
             seed=FIRST_CHOSEN,
             path=path,
             target=None if method in UNSTOPPED else TARGET,
-            **asked,
+            **options,
         )
         begin = process_time()
         learner.learn(task.steps, callback=callback)
         seconds = process_time() - begin
         best = best_of(learner, path)
 
-    def judged(policy: Any) -> int:
-        found = evaluate_policy(
+    def count_satisfied(policy: Any) -> int:
+        evaluation = evaluate_policy(
             policy,
-            task.seen(method),
+            task.policy_env(method),
             task.required,
             task.signals,
             episodes=EPISODES,
-            seed=FIRST_JUDGED,
+            seed=FIRST_EVALUATED,
             keep=0,
-            **asked,
+            **options,
         )
-        return found.success.satisfied
+        return evaluation.success.satisfied
 
-    satisfied = judged(best)
+    satisfied = count_satisfied(best)
     stopped = callback.confirmed is not None
     return {
         "task": name,
         "method": method,
         "seed": seed,
         "steps": [steps for steps, _ in callback.evaluations],
-        "chosen_by": [each.success.satisfied for _, each in callback.evaluations],
+        "chosen_by": [evaluation.success.satisfied for _, evaluation in callback.evaluations],
         "satisfied": satisfied,
-        "last": satisfied if stopped else judged(as_trained(learner)),
+        "last": satisfied if stopped else count_satisfied(as_trained(learner)),
         "stopped": stopped,
         "episodes": EPISODES,
         "seconds": round(seconds, 1),
@@ -308,7 +308,7 @@ def run(name: str, method: str, seed: int) -> dict[str, Any]:
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file; a last line that was cut off is none."""
+    """Return the rows of a file, without an incomplete last line."""
     rows = []
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
@@ -319,7 +319,7 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 
 
 def ends_of(rows: list[dict[str, Any]], name: str, key: str) -> dict[str, list[float]]:
-    """Of each method of a task the shares, in percent, that its runs have at this key."""
+    """Return the rates of all runs of a task in percent, by method; ``key`` names the count."""
     ends: dict[str, list[float]] = {}
     for row in rows:
         if row["task"] == name:
@@ -328,46 +328,47 @@ def ends_of(rows: list[dict[str, Any]], name: str, key: str) -> dict[str, list[f
 
 
 def table(rows: list[dict[str, Any]], name: str) -> list[list[str]]:
-    """The cells of the table of a task: a header, and a row for every method that has runs."""
+    """Return the cells of the table of a task: a header, and a row for every method with runs."""
     head = "method, runs, mean %, minimum, quartiles, below 80 %, last %, stopped, steps, s a run"
     cells = [head.split(", ")]
     rates, last = ends_of(rows, name, "satisfied"), ends_of(rows, name, "last")
     if not rates:
         return cells
-    for method, found in compare_methods(rates).methods.items():
-        of = [row for row in rows if (row["task"], row["method"]) == (name, method)]
-        low, high = found.mean.interval
-        interval = f" [{low:.1f}, {high:.1f}]" if found.runs > 1 else ""
-        least, *quartiles, _ = found.quartiles
+    for method, scores in compare_methods(rates).methods.items():
+        runs = [row for row in rows if (row["task"], row["method"]) == (name, method)]
+        low, high = scores.mean.interval
+        interval = f" [{low:.1f}, {high:.1f}]" if scores.runs > 1 else ""
+        minimum, *quartiles, _ = scores.quartiles
         cells.append(
             [
                 method,
-                str(found.runs),
-                f"{found.mean.value:.1f}{interval}",
-                f"{least:.0f}",
+                str(scores.runs),
+                f"{scores.mean.value:.1f}{interval}",
+                f"{minimum:.0f}",
                 ", ".join(f"{quartile:.0f}" for quartile in quartiles),
-                f"{sum(end < 80 for end in rates[method])} of {found.runs}",
+                f"{sum(end < 80 for end in rates[method])} of {scores.runs}",
                 f"{np.mean(last[method]):.1f}",
-                f"{sum(row['stopped'] for row in of)} of {found.runs}",
-                f"{np.mean([row['steps'][-1] for row in of]) / 1000:.0f}k",
-                f"{np.mean([row['seconds'] for row in of]):.0f}",
+                f"{sum(row['stopped'] for row in runs)} of {scores.runs}",
+                f"{np.mean([row['steps'][-1] for row in runs]) / 1000:.0f}k",
+                f"{np.mean([row['seconds'] for row in runs]):.0f}",
             ]
         )
     return cells
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Draws every run as a point, in the order of their rates, and the mean with its interval."""
+    """Draw every run as a point, in the order of their rates, and the mean with its interval."""
     names = [name for name in TASKS if any(row["task"] == name for row in rows)]
     with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
-        figure, panels = plt.subplots(1, len(names), squeeze=False, figsize=(7.6, 3.4))
-        for axes, name in zip(panels[0], names, strict=True):
+        figure, plots = plt.subplots(1, len(names), squeeze=False, figsize=(7.6, 3.4))
+        for axes, name in zip(plots[0], names, strict=True):
             rates = ends_of(rows, name, "satisfied")
-            for index, (method, found) in enumerate(compare_methods(rates).methods.items()):
-                across = index + (np.linspace(0.4, -0.4, found.runs) if found.runs > 1 else 0.0)
+            for index, (method, scores) in enumerate(compare_methods(rates).methods.items()):
+                offsets = np.linspace(0.4, -0.4, scores.runs) if scores.runs > 1 else 0.0
+                across = index + offsets
                 axes.plot(sorted(rates[method]), across, ".", color="C0", clip_on=False)
-                axes.plot(found.mean.interval, [index, index], color="C1", linewidth=1.8)
-                axes.plot(found.mean.value, index, "D", color="C1", clip_on=False)
+                axes.plot(scores.mean.interval, [index, index], color="C1", linewidth=1.8)
+                axes.plot(scores.mean.value, index, "D", color="C1", clip_on=False)
             axes.axvline(80, color="0.8", linewidth=0.6, zorder=0)
             axes.set_yticks(range(len(rates)), [f"{m}, {len(r)}" for m, r in rates.items()])
             axes.set(title=name, xlim=(0, 100), ylim=(len(rates) - 0.5, -0.5))
@@ -377,14 +378,18 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Runs what the file lacks, and prints the tables."""
+    """Run what the file lacks, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("tasks", nargs="+", choices=TASKS)
     known = sorted({method for task in TASKS.values() for method in task.methods})
-    parser.add_argument("--methods", nargs="+", choices=known, help="some of those of the tasks")
-    parser.add_argument("--seeds", type=int, default=100, help="runs of ours; of others a fifth")
-    parser.add_argument("--first-seed", type=int, help="of the runs; else that of the study")
-    parser.add_argument("--output", type=Path, required=True, help="the file of rows")
+    parser.add_argument("--methods", nargs="+", choices=known, help="run only these methods")
+    parser.add_argument(
+        "--seeds", type=int, default=100, help="runs of ours; other methods run a fifth"
+    )
+    parser.add_argument(
+        "--first-seed", type=int, help="seed of the first run (default: as in the study)"
+    )
+    parser.add_argument("--output", type=Path, required=True, help="file of the rows")
     parser.add_argument("--plot", type=Path, help="draw the rates of all runs into this file")
     arguments = parser.parse_args(argv)
     finished = {(row["task"], row["method"], row["seed"]) for row in rows_of(arguments.output)}
@@ -405,7 +410,7 @@ def main(argv: list[str] | None = None) -> None:
             file.write(json.dumps(row) + "\n")
         print(f"{name}, {method}, seed {seed}: {row['satisfied']} of {EPISODES}", flush=True)
     for name in arguments.tasks:
-        print(printed(table(rows_of(arguments.output), name)))
+        print(text_table(table(rows_of(arguments.output), name)))
     if arguments.plot:
         draw(rows_of(arguments.output), arguments.plot)
 

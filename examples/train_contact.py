@@ -1,8 +1,8 @@
-"""A contact between two observations: a finger is to press a plate, and never with 50 N or more.
+"""A contact between two observations: a finger must press a plate, and never with 50 N or more.
 
-An observation comes every 0.1 s, and the peak of a hard contact lasts a tenth of that. Does an end
-at the violation keep the limit where a monitor sees the observations, and where it sees every step
-of the physics?
+Observations are 0.1 s apart, and the peak of a hard contact lasts a tenth of that. Does an end at
+the violation keep the limit if the monitor sees the observations, and if it sees every physics
+step?
 
 Run: python examples/train_contact.py --seeds 10 --output contact.csv
 """
@@ -31,8 +31,8 @@ SIGNALS = {**FORCE, "x": "joint:slide.qpos"}
 class Finger(MujocoEnv):
     """A finger of 1 kg on a rail, driven with up to 2 N, before a plate that it touches at x = 0.
 
-    It starts about 0.55 m before the plate, sees its place and its speed every 0.1 s, and is paid
-    for being near the plate, at most 1 a step.
+    It starts about 0.55 m before the plate, and observes its position and speed every 0.1 s. The
+    reward grows near the plate, to at most 1 per step.
     """
 
     metadata = {  # noqa: RUF012 - as Gymnasium declares it
@@ -41,49 +41,49 @@ class Finger(MujocoEnv):
     }
 
     def __init__(self) -> None:
-        """Loads the model; a step of the environment has 50 of its physics."""
+        """Load the model; a step of the environment has 50 physics steps."""
         space = Box(-np.inf, np.inf, (2,), np.float64)
         super().__init__(str(MODEL), frame_skip=50, observation_space=space)
 
     def reset_model(self) -> NDArray[np.float64]:
-        """Stands still somewhere within 4 cm."""
-        place = self.np_random.uniform(-0.57, -0.53, 1)
-        self.set_state(place, np.zeros(1))  # type: ignore[no-untyped-call]
-        return self._seen()
+        """Start at rest, anywhere within 4 cm."""
+        position = self.np_random.uniform(-0.57, -0.53, 1)
+        self.set_state(position, np.zeros(1))  # type: ignore[no-untyped-call]
+        return self._observation()
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float64], np.float64, bool, bool, dict[str, np.float64]]:
-        """Pushes with one force for 0.1 s."""
+        """Push with a constant force for 0.1 s."""
         self.do_simulation(action, self.frame_skip)
         reward = np.float64(1.0 - abs(self.data.qpos[0]) / 0.6)
-        return self._seen(), reward, False, False, {}
+        return self._observation(), reward, False, False, {}
 
-    def _seen(self) -> NDArray[np.float64]:
+    def _observation(self) -> NDArray[np.float64]:
         return np.concatenate([self.data.qpos, self.data.qvel])
 
 
-def made() -> gym.Env[Any, Any]:
-    """The environment without a monitor: 1.5 s."""
+def make_env() -> gym.Env[Any, Any]:
+    """Return the environment without a monitor, for 1.5 s."""
     return TimeLimit(Finger(), STEPS)
 
 
-def trained(variant: str) -> gym.Env[Any, Any]:
-    """What a variant learns in: an end at the violation that its monitor sees, or no monitor."""
+def training_env(variant: str) -> gym.Env[Any, Any]:
+    """Return the training environment of a variant, which may end at a violation."""
     if variant == "plain":
-        return made()
+        return make_env()
     return StlMonitor(
-        made(), GENTLE, FORCE, on_violation="terminate", substeps=variant == "substeps"
+        make_env(), GENTLE, FORCE, on_violation="terminate", substeps=variant == "substeps"
     )
 
 
 def learner(variant: str, seed: int) -> Any:
-    """SAC, the same for all."""
+    """Return SAC, with the same parameters for all variants."""
     from stable_baselines3 import SAC
 
     return SAC(
         "MlpPolicy",
-        trained(variant),
+        training_env(variant),
         learning_rate=2e-3,
         buffer_size=10_000,
         learning_starts=200,
@@ -100,7 +100,7 @@ TASK = Task(
     required=REQUIRED,
     signals=SIGNALS,
     period=None,
-    seen=lambda _: made(),
+    policy_env=lambda _: make_env(),
     learner=learner,
     variants=("plain", "observed", "substeps"),
     ours="substeps",

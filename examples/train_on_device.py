@@ -1,9 +1,9 @@
-"""A pole that is to visit a place, learned on the device: simulator, monitor and PPO in one jit.
+"""A cart that must visit a place, learned on the device: simulator, monitor and PPO in one jit.
 
-The cart of gymnax's CartPole is to reach x > 0.3 once and to stay within 0.8. A violation ends the
-episode, the observation has the state of the monitors, which knows whether the place was visited,
-and every step pays the robustness so far beside the reward of CartPole. Afterwards the last policy
-plays in Gymnasium's CartPole under `rtamt_gym.evaluate_policy`, with the same specifications.
+The cart of gymnax's CartPole must reach x > 0.3 once and stay within 0.8. A violation ends the
+episode. The observation has the state of the monitors, which shows whether the cart has been there.
+Every step adds the robustness so far to the reward of CartPole. Afterwards the last policy plays in
+Gymnasium's CartPole under `rtamt_gym.evaluate_policy`, with the same specifications.
 
 Run: pip install '.[gym,gymnax]' && python examples/train_on_device.py --seeds 10
 """
@@ -47,11 +47,12 @@ class Transition(NamedTuple):
     success: jax.Array
 
 
-def made() -> tuple[Any, Any]:
-    """The environment under its requirements, and its parameters.
+def make_env() -> tuple[Any, Any]:
+    """Return the monitored environment and its parameters.
 
-    Every step pays 1, and twice the robustness so far: that of `visit` until the visit, -0.35 or
-    more, so that to live pays; and after it the lesser of both, which are positive.
+    The reward of a step is 1 plus twice the robustness so far. Until the visit this is the
+    robustness of `visit`, at least -0.35, so survival pays; afterwards, it is the smaller of both,
+    which are positive.
     """
     env, params = gymnax.make("CartPole-v1")
     return StlEnvironment(
@@ -60,7 +61,7 @@ def made() -> tuple[Any, Any]:
         SIGNALS,
         on_violation="terminate",
         at_termination="failure",
-        at_truncation="open",  # the learner goes on beyond a limit of time, and so do the bounds
+        at_truncation="open",  # the learner and the bounds continue beyond a time limit
         observe="state",
         mode="add",
         weight=2.0,
@@ -68,7 +69,7 @@ def made() -> tuple[Any, Any]:
 
 
 def layers(key: jax.Array, sizes: tuple[int, ...], last: float) -> Parameters:
-    """Orthogonal weights and no bias, those of the last layer scaled."""
+    """Return orthogonal weights, scaled in the last layer, and biases of 0."""
     keys = jax.random.split(key, len(sizes) - 1)
     scales = [2.0**0.5] * (len(sizes) - 2) + [last]
     return [
@@ -77,8 +78,8 @@ def layers(key: jax.Array, sizes: tuple[int, ...], last: float) -> Parameters:
     ]
 
 
-def applied(parameters: Parameters, x: jax.Array) -> jax.Array:
-    """The output of layers."""
+def output(parameters: Parameters, x: jax.Array) -> jax.Array:
+    """Return the output of layers."""
     for weight, bias in parameters[:-1]:
         x = jnp.tanh(x @ weight + bias)
     weight, bias = parameters[-1]
@@ -86,8 +87,8 @@ def applied(parameters: Parameters, x: jax.Array) -> jax.Array:
 
 
 def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
-    """Trains from nothing; the share of satisfied episodes of each update beside the parameters."""
-    env, params = made()
+    """Train from scratch; return the parameters and the rate of satisfied episodes per update."""
+    env, params = make_env()
     size = env.observation_space(params).shape[0]
     key, first, actor, critic = jax.random.split(key, 4)
     policy = {
@@ -100,18 +101,18 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
     def play(carried: Any, key: jax.Array) -> tuple[Any, Transition]:
         policy, obs, state = carried
         choice, steps = jax.random.split(key)
-        logits = applied(policy["actor"], obs)
+        logits = output(policy["actor"], obs)
         action = jax.random.categorical(choice, logits)
         following, state, reward, terminated, truncated, info = jax.vmap(
             env.step, in_axes=(0, 0, 0, None)
         )(jax.random.split(steps, ENTRIES), state, action, params)
-        value = applied(policy["critic"], obs)[:, 0]
+        value = output(policy["critic"], obs)[:, 0]
         limit = truncated & ~terminated
         # A time limit does not end the task: the value of the last state replaces later rewards.
-        beyond = applied(policy["critic"], info["final_observation"])[:, 0]
-        # Scaled, so that values are about 1: the critic begins at 0, and would take long to 100.
+        beyond = output(policy["critic"], info["final_observation"])[:, 0]
+        # Scale rewards so that values are about 1: the critic starts at 0.
         reward = (1.0 - GAMMA) * reward + GAMMA * beyond * limit
-        made = Transition(
+        transition = Transition(
             obs,
             action,
             log_probability(logits, action),
@@ -120,7 +121,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
             terminated | truncated,
             limit & (info["robustness"] > 0.0),
         )
-        return (policy, following, state), made
+        return (policy, following, state), transition
 
     def update(carried: Any, key: jax.Array) -> tuple[Any, jax.Array]:
         policy, moments, count, obs, state = carried
@@ -128,7 +129,7 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
         (_, obs, state), steps = jax.lax.scan(
             play, (policy, obs, state), jax.random.split(playing, STEPS)
         )
-        advantage = advantages(steps, applied(policy["critic"], obs)[:, 0])
+        advantage = advantages(steps, output(policy["critic"], obs)[:, 0])
         data = (steps.obs, steps.action, steps.log_probability, advantage, advantage + steps.value)
         flat = jax.tree.map(lambda x: x.reshape(ENTRIES * STEPS, *x.shape[2:]), data)
 
@@ -153,13 +154,13 @@ def train(key: jax.Array) -> tuple[Parameters, jax.Array]:
 
 
 def log_probability(logits: jax.Array, action: jax.Array) -> jax.Array:
-    """The log-probabilities of the actions that were chosen."""
+    """Return the log-probabilities of actions."""
     every = jax.nn.log_softmax(logits)
     return jnp.take_along_axis(every, action[..., None], axis=-1)[..., 0]
 
 
 def advantages(steps: Transition, last: jax.Array) -> jax.Array:
-    """Generalized advantages, with a factor 0.95."""
+    """Return generalized advantages, with a factor of 0.95."""
 
     def back(carried: Any, step: Transition) -> tuple[Any, jax.Array]:
         advantage, following = carried
@@ -179,19 +180,19 @@ def loss(
     advantage: jax.Array,
     target: jax.Array,
 ) -> jax.Array:
-    """The clipped loss of PPO, with that of the critic and a bonus for entropy."""
-    logits = applied(policy["actor"], obs)
+    """Return the clipped loss of PPO, with the loss of the critic and a bonus for entropy."""
+    logits = output(policy["actor"], obs)
     ratio = jnp.exp(log_probability(logits, action) - before)
     scaled = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
     gain = jnp.minimum(ratio * scaled, jnp.clip(ratio, 0.8, 1.2) * scaled).mean()
-    error = jnp.square(applied(policy["critic"], obs)[:, 0] - target).mean()
+    error = jnp.square(output(policy["critic"], obs)[:, 0] - target).mean()
     chances = jax.nn.softmax(logits)
     entropy = -(chances * jax.nn.log_softmax(logits)).sum(axis=-1).mean()
     return -gain + 0.5 * error - 0.01 * entropy
 
 
 def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameters) -> Any:
-    """A step of Adam with a rate that falls to 0, on gradients of norm 0.5 at most."""
+    """Return a step of Adam, with a falling rate and gradients of at most norm 0.5."""
     norm = jnp.sqrt(sum(jnp.square(g).sum() for g in jax.tree.leaves(gradient)))
     gradient = jax.tree.map(lambda g: g * jnp.minimum(1.0, 0.5 / (norm + 1e-8)), gradient)
     count = count + 1.0
@@ -199,14 +200,14 @@ def adam(policy: Parameters, moments: Any, count: jax.Array, gradient: Parameter
     square = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, moments[1], gradient)
     rate = 1e-3 * (1.0 - count / (UPDATES * EPOCHS * BATCHES + 1))
 
-    def moved(p: jax.Array, m: jax.Array, v: jax.Array) -> jax.Array:
+    def step(p: jax.Array, m: jax.Array, v: jax.Array) -> jax.Array:
         return p - rate * (m / (1 - 0.9**count)) / (jnp.sqrt(v / (1 - 0.999**count)) + 1e-8)
 
-    return jax.tree.map(moved, policy, mean, square), (mean, square), count
+    return jax.tree.map(step, policy, mean, square), (mean, square), count
 
 
-def evaluated(policy: Parameters) -> rtamt_gym.results.Evaluation:
-    """Plays the most likely actions in Gymnasium's CartPole, judged by the monitors of C++."""
+def evaluate(policy: Parameters) -> rtamt_gym.results.Evaluation:
+    """Evaluate the most likely actions in Gymnasium's CartPole, with the C++ monitors."""
     actor = jax.tree.map(np.asarray, policy["actor"])
 
     def act(obs: Any) -> int:
@@ -224,10 +225,10 @@ def evaluated(policy: Parameters) -> rtamt_gym.results.Evaluation:
 
 
 def main() -> None:
-    """Trains and evaluates each seed, and prints every one of them."""
+    """Train and evaluate each seed, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument(
-        "--seeds", type=int, default=10, help="how many runs, each with a seed of its own"
+        "--seeds", type=int, default=10, help="number of runs, each with its own seed"
     )
     learn: Callable[[jax.Array], Any] = jax.jit(train)
     for seed in range(FIRST_RUN, FIRST_RUN + parser.parse_args().seeds):
@@ -235,7 +236,7 @@ def main() -> None:
         policy, rates = jax.block_until_ready(learn(jax.random.key(seed)))
         seconds = time.perf_counter() - begin
         print(f"seed {seed}: {seconds:.0f} s, in training {float(rates[-10:].mean()):.0%}")
-        print(evaluated(policy))
+        print(evaluate(policy))
 
 
 if __name__ == "__main__":

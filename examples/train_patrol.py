@@ -1,7 +1,7 @@
-"""A window inside of another: a point is to be at both ends of a corridor, again and again.
+"""A window inside a window: a point must visit both ends of a corridor again and again.
 
-At every instant each end must be visited within the next 40 steps. What the learner has to know is
-how long ago it was there, which neither its observation says nor the robustness of the formula.
+At every instant, each end must be visited within the next 40 steps. The learner needs the time
+since its last visits, which neither its observation nor the robustness of the formula contains.
 
 Run: python examples/train_patrol.py --seeds 10 --jobs 2 --output patrol.csv
 """
@@ -17,39 +17,39 @@ from rtamt_gym import StlMonitor, StlReward
 
 WITHIN = {"left": "eventually[0:40](x < -0.8)", "right": "eventually[0:40](x > 0.8)"}
 REQUIRED = {name: f"always[0:160]({text})" for name, text in WITHIN.items()}
-SIGNALS = {"x": ("info['x']", 0.0)}  # at a reset info has x too
-STEPS = 200  # so that the last window is seen to its end
+SIGNALS = {"x": ("info['x']", 0.0)}  # info has x also at a reset
+STEPS = 200  # so that the last window ends within the episode
 GAMMA = 0.98
 
 
 class Clocks(gym.Wrapper[Any, Any, Any, Any]):
-    """Made by hand for this task: since when x was at neither end, as fractions of 40 steps."""
+    """Clocks for this task: the time since x was at each end, as a fraction of 40 steps."""
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
-        """Two more numbers are observed."""
+        """Add two numbers to the observation."""
         super().__init__(env)
         self.observation_space = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
         self._since = np.zeros(2)
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """Starts the clocks."""
+        """Start the clocks."""
         self._since[:] = 0.0
         obs, info = self.env.reset(**options)
-        return self._observed(obs), info
+        return self._observation(obs), info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Steps the clocks too."""
+        """Step the environment and the clocks."""
         self._since += 1 / 40
         obs, *others = self.env.step(action)
-        return self._observed(obs), *others
+        return self._observation(obs), *others
 
-    def _observed(self, obs: Any) -> Any:
+    def _observation(self, obs: Any) -> Any:
         self._since[[obs[0] < -0.8, obs[0] > 0.8]] = 0.0
         return np.append(obs, np.minimum(self._since, 1.0)).astype(np.float32)
 
 
 def monitored(variant: str, **more: Any) -> dict[str, Any]:
-    """The arguments of a monitor that observes what the variant does, and more of them."""
+    """Return the arguments of the monitor of a variant, with further arguments."""
     if variant.startswith("step"):
         more.update(specs=WITHIN, view="step")
     else:
@@ -59,42 +59,42 @@ def monitored(variant: str, **more: Any) -> dict[str, Any]:
     return {"signals": SIGNALS, "period": 1, "clip": clip, "observe": observe, **more}
 
 
-def made(variant: str) -> gym.Env[Any, Any]:
-    """The corridor of a variant, without a monitor."""
+def make_env(variant: str) -> gym.Env[Any, Any]:
+    """Return the corridor of a variant, without a monitor."""
     env: gym.Env[Any, Any] = gym.wrappers.TimeLimit(Corridor(stride=0.2), STEPS)
     return Clocks(env) if variant.endswith("clocks") else env
 
 
-def seen(variant: str) -> gym.Env[Any, Any]:
-    """The corridor as the policy of a variant sees it."""
-    return StlMonitor(made(variant), **monitored(variant, on_violation="report"))
+def policy_env(variant: str) -> gym.Env[Any, Any]:
+    """Return the corridor with the observations of a variant."""
+    return StlMonitor(make_env(variant), **monitored(variant, on_violation="report"))
 
 
-def trained(variant: str) -> gym.Env[Any, Any]:
-    """What a variant learns in."""
+def training_env(variant: str) -> gym.Env[Any, Any]:
+    """Return the training environment of a variant."""
     match variant.partition("-")[0]:
         case "plain":
-            return made(variant)
+            return make_env(variant)
         case "sparse":  # 1 at the end of an episode that satisfies the requirement
-            return Paying(seen(variant), lambda _, ended, info: ended and info["stl_success"])
+            return Paying(policy_env(variant), lambda _, ended, info: ended and info["stl_success"])
         case "naive" | "step":  # the robustness: of the samples so far, or of the newest instant
-            kept = monitored(variant, on_violation="report")
-            return StlReward(made(variant), mode="replace", **kept)
+            options = monitored(variant, on_violation="report")
+            return StlReward(make_env(variant), mode="replace", **options)
         case "alive":  # 1 for every step until a violation ends the episode
-            return Paying(StlMonitor(made(variant), **monitored(variant)), lambda *_: 1.0)
+            return Paying(StlMonitor(make_env(variant), **monitored(variant)), lambda *_: 1.0)
         case _:  # a potential, and 1 less for the violation that ends the episode
-            kept = monitored(variant, gamma=GAMMA, penalty=1.0)
-            return StlReward(made(variant), mode="potential", **kept)
+            options = monitored(variant, gamma=GAMMA, penalty=1.0)
+            return StlReward(make_env(variant), mode="potential", **options)
 
 
 def learner(variant: str, seed: int) -> Any:
-    """PPO, the same for all."""
+    """Return PPO, with the same parameters for all variants."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
     return PPO(
         "MlpPolicy",
-        make_vec_env(lambda: trained(variant), 8, seed=seed),
+        make_vec_env(lambda: training_env(variant), 8, seed=seed),
         n_steps=256,
         batch_size=256,
         learning_rate=1e-3,
@@ -109,7 +109,7 @@ TASK = Task(
     required=REQUIRED,
     signals=SIGNALS,
     period=1.0,
-    seen=seen,
+    policy_env=policy_env,
     learner=learner,
     variants=(
         "plain",

@@ -1,7 +1,7 @@
-"""A speed limit by early termination: HalfCheetah is to run, and never faster than 1.5 m/s.
+"""A speed limit by early termination: HalfCheetah must run, and never faster than 1.5 m/s.
 
-The reward of the environment pays for speed. Which way of telling the learner about the limit makes
-it keep the limit, and still run 10 m in 25 s?
+The environment rewards speed. With which rewards or ends of episodes does the learner keep the
+limit and still run 10 m in 25 s?
 
 Run: python examples/train_speed_limit.py --seeds 10 --jobs 2 --output speed_limit.csv
 """
@@ -19,14 +19,14 @@ SPEED = {"v": "qvel[0]"}
 SIGNALS = {"v": "qvel[0]", "x": "qpos[0]"}
 
 
-def made() -> gym.Env[Any, Any]:
-    """The environment without a monitor: half the usual time, which is enough."""
+def make_env() -> gym.Env[Any, Any]:
+    """Return the environment without a monitor, for half the usual time, which is enough."""
     return gym.make("HalfCheetah-v5", max_episode_steps=500)
 
 
-def trained(variant: str) -> gym.Env[Any, Any]:
-    """What a variant learns in."""
-    env = made()
+def training_env(variant: str) -> gym.Env[Any, Any]:
+    """Return the training environment of a variant."""
+    env = make_env()
     slow: dict[str, Any] = {"specs": SLOW, "signals": SPEED, "on_violation": "report"}
     both: dict[str, Any] = {"specs": REQUIRED, "signals": SIGNALS, "on_violation": "report"}
     match variant:
@@ -52,14 +52,14 @@ def trained(variant: str) -> gym.Env[Any, Any]:
 
 
 def learner(variant: str, seed: int) -> Any:
-    """PPO, the same for all."""
+    """Return PPO, with the same parameters for all variants."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
     return PPO(
         "MlpPolicy",
-        VecNormalize(make_vec_env(lambda: trained(variant), 4, seed=seed)),
+        VecNormalize(make_vec_env(lambda: training_env(variant), 4, seed=seed)),
         n_steps=512,
         batch_size=512,
         learning_rate=5e-4,
@@ -74,7 +74,7 @@ TASK = Task(
     required=REQUIRED,
     signals=SIGNALS,
     period=None,
-    seen=lambda _: made(),
+    policy_env=lambda _: make_env(),
     learner=learner,
     variants=(
         "plain",

@@ -1,10 +1,10 @@
-"""What the experiments on learning share: runs, their rows in a file, the table and the picture.
+"""The common part of the experiments on learning: runs, their rows in a file, table and picture.
 
-A run trains one variant with one seed, and is judged now and then: by the same requirement for all
-variants, on the same episodes, which training does not see and no monitor ends early.
+A run trains one variant with one seed, and is evaluated at intervals: all variants by the same
+requirement on the same episodes, which are not part of training, and which no monitor ends early.
 
-To add an experiment: a script with its ``TASK`` next to this file, its name in
-``tests/support/experiments.py``, its runs in ``examples/results``, and a section with its table in
+To add an experiment, add a script with its ``TASK`` next to this file, its name to
+``tests/support/experiments.py``, its runs to ``examples/results``, and a section with its table to
 ``docs/experiments.md``, which a test computes again.
 """
 
@@ -28,31 +28,31 @@ from rtamt_gym.results import MethodComparison
 from rtamt_gym.results.method_scores import Estimate
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
-"""A row says how many of the episodes satisfied the requirement after so many steps of training,
-their mean return by the environment's own reward, and how long training took until then."""
+"""The fields of a row: after ``steps`` of training, the number of episodes that satisfied the
+requirement, their mean return by the environment's own reward, and the seconds of training."""
 
 OBSERVED = "observed"
-"""One more field where sub-steps judge: how many of the same episodes satisfied the requirement by
-the samples at the ends of the environment's steps alone."""
+"""The field of the number of episodes that satisfied the requirement at the ends of steps alone, if
+sub-steps are evaluated."""
 
-FIRST_JUDGED = 1_000_000
-"""The seed of the first episode that judges."""
+FIRST_EVALUATED = 1_000_000
+"""The seed of the first episode of an evaluation."""
 
 Row = dict[str, str]
 
 
 class Paying(gym.Wrapper[Any, Any, Any, Any]):
-    """Pays something else: a function of the reward, of whether the episode ended, and of info."""
+    """Replace the reward by a function of the reward, of the end of the episode, and of info."""
 
     def __init__(
         self, env: gym.Env[Any, Any], pay: Callable[[float, bool, Mapping[str, Any]], float]
     ) -> None:
-        """Keeps the function."""
+        """Set the function of the reward."""
         super().__init__(env)
         self._pay = pay
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Steps, and exchanges the reward."""
+        """Step, and replace the reward."""
         obs, reward, terminated, truncated, info = self.env.step(action)
         paid = float(self._pay(float(reward), terminated or truncated, info))
         return obs, paid, terminated, truncated, info
@@ -60,30 +60,30 @@ class Paying(gym.Wrapper[Any, Any, Any, Any]):
 
 @dataclass(frozen=True)
 class Task:
-    """What is learned, and how it is judged.
+    """A task to learn, and its evaluation.
 
     Attributes:
         name: The name of the file of results.
         required: The requirements, the same for all variants.
         signals: The signals of the requirements.
-        period: Time between two samples; None: the environment says it.
-        seen: Makes the environment that the policy of a variant acts in, with what it observes.
-        learner: Makes, from a variant and a seed, a learner with its environments.
-        variants: Their names, in the order of the table.
-        ours: The variant with which every other one is compared.
+        period: The time between two samples; None takes it from the environment.
+        policy_env: A function that returns the environment of the policy of a variant.
+        learner: A function that returns a learner with its environments for a variant and a seed.
+        variants: The names of the variants, in the order of the table.
+        ours: The variant that is compared with all others.
         drawn: The variants in the picture.
         first_seed: The seed of the first published run; each further run has one more.
-        steps: Steps of the environment that every run trains.
-        points: How often a run is judged, at equal distances.
-        episodes: How many episodes judge.
-        substeps: Whether every step of the physics inside of a step judges.
+        steps: The steps of training of every run.
+        points: The number of evaluations of a run, at equal intervals.
+        episodes: The number of episodes of an evaluation.
+        substeps: Whether an evaluation includes every physics step.
     """
 
     name: str
     required: Mapping[str, str]
     signals: Mapping[str, Any]
     period: float | None
-    seen: Callable[[str], gym.Env[Any, Any]]
+    policy_env: Callable[[str], gym.Env[Any, Any]]
     learner: Callable[[str, int], Any]
     variants: tuple[str, ...]
     ours: str
@@ -101,7 +101,7 @@ class Task:
 
 
 def train(task: Task, variant: str, seed: int, steps: int) -> list[Row]:
-    """Trains one variant with one seed; a row for every time it is judged."""
+    """Train one variant with one seed; return a row for every evaluation."""
     import torch
 
     torch.set_num_threads(1)
@@ -111,36 +111,36 @@ def train(task: Task, variant: str, seed: int, steps: int) -> list[Row]:
         begin = process_time()
         learner.learn(steps // task.points, reset_num_timesteps=False)
         seconds += process_time() - begin
-        satisfied, returned = judged(task, learner, variant, substeps=task.substeps)
-        found = (variant, seed, learner.num_timesteps, task.episodes, satisfied)
-        texts = [*map(str, found), f"{returned:.6g}", f"{seconds:.1f}"]
+        satisfied, mean_return = evaluate(task, learner, variant, substeps=task.substeps)
+        values = (variant, seed, learner.num_timesteps, task.episodes, satisfied)
+        texts = [*map(str, values), f"{mean_return:.6g}", f"{seconds:.1f}"]
         if task.substeps:
-            texts.append(str(judged(task, learner, variant, substeps=False)[0]))
+            texts.append(str(evaluate(task, learner, variant, substeps=False)[0]))
         rows.append(dict(zip(task.fields, texts, strict=True)))
     return rows
 
 
-def judged(task: Task, learner: Any, variant: str, *, substeps: bool) -> tuple[int, float]:
-    """How many episodes satisfy all requirements, and the mean return."""
+def evaluate(task: Task, learner: Any, variant: str, *, substeps: bool) -> tuple[int, float]:
+    """Return the number of episodes that satisfy all requirements, and the mean return."""
 
-    def seen() -> gym.Env[Any, Any]:
-        env = task.seen(variant)
+    def make_env() -> gym.Env[Any, Any]:
+        env = task.policy_env(variant)
         if not substeps:
             return env
         return StlMonitor(env, task.required, task.signals, substeps=True, on_violation="report")
 
-    found = evaluate_policy(
+    evaluation = evaluate_policy(
         learner,
-        seen,
+        make_env,
         None if substeps else task.required,
         None if substeps else task.signals,
         period=None if substeps else task.period,
         episodes=task.episodes,
-        seed=FIRST_JUDGED,
+        seed=FIRST_EVALUATED,
         n_envs=task.episodes,
         keep=0,
     )
-    return found.success.satisfied, float(found.returns.mean())
+    return evaluation.success.satisfied, float(evaluation.returns.mean())
 
 
 @dataclass(frozen=True)
@@ -148,9 +148,9 @@ class Curves:
     """The runs of one variant, of shape (runs, points).
 
     Attributes:
-        steps: Steps of training at each point.
+        steps: The steps of training at each point.
         rates: The shares of the episodes that satisfied the requirement.
-        observed: The shares by the ends of steps alone; the same where no sub-steps judge.
+        observed: The shares at the ends of steps alone; the same without sub-steps.
         returns: The mean returns.
         seconds: Seconds of training.
     """
@@ -163,7 +163,7 @@ class Curves:
 
 
 def read_curves(path: Path) -> dict[str, Curves]:
-    """The runs in a file of results, by variant."""
+    """Return the runs in a file of results, by variant."""
     runs: dict[str, dict[str, list[list[float]]]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -177,58 +177,58 @@ def read_curves(path: Path) -> dict[str, Curves]:
     }
 
 
-def compared(
+def compare(
     task: Task, curves: Mapping[str, Curves], values: Callable[[Curves], NDArray[np.float64]]
 ) -> MethodComparison:
-    """The variants by a curve of each run, such as its rates; the baseline is ours if it has runs.
+    """Compare variants by a curve of each run; the baseline is ours if it has runs.
 
-    Variants may have been judged at other steps, so that the points are numbered.
+    Variants may have been evaluated at different steps, so the points are numbered.
     """
-    found = {name: values(curves[name]) for name in task.variants if name in curves}
-    points = range(max(each.shape[1] for each in found.values()))
-    baseline = task.ours if task.ours in found else None
-    return compare_methods(found, baseline=baseline, steps=points)
+    by_variant = {name: values(curves[name]) for name in task.variants if name in curves}
+    points = range(max(runs.shape[1] for runs in by_variant.values()))
+    baseline = task.ours if task.ours in by_variant else None
+    return compare_methods(by_variant, baseline=baseline, steps=points)
 
 
-def interval(found: Estimate, runs: int) -> str:
-    """A mean over runs; of several with its bootstrap interval of 95 %."""
-    low, high = found.interval
-    return f"{found.value:.0f}" + (f" [{low:.0f}, {high:.0f}]" if runs > 1 else "")
+def interval(mean: Estimate, runs: int) -> str:
+    """Return a mean over runs as text; of several runs, with its bootstrap interval of 95 %."""
+    low, high = mean.interval
+    return f"{mean.value:.0f}" + (f" [{low:.0f}, {high:.0f}]" if runs > 1 else "")
 
 
 def table(task: Task, curves: Mapping[str, Curves]) -> list[list[str]]:
-    """The cells of the table of results: a header, and a row for every variant that has runs."""
-    paid = any(found.returns.any() for found in curves.values())
+    """Return the cells of the table of results: a header, and a row for every variant with runs."""
+    has_returns = any(runs.returns.any() for runs in curves.values())
     head = ["variant", "seeds", "satisfied, %"]
     head += ["minimum", "observed, %", "minimum"] if task.substeps else []
-    head += ["return"] * paid
+    head += ["return"] * has_returns
     head += ["p"] if task.substeps else ["90 % at", "p", "s a seed"]  # 80 columns hold no more
     rows = [head]
     if not curves:
         return rows
-    rated = compared(task, curves, lambda found: 100 * found.rates).methods
-    returned = compared(task, curves, lambda found: found.returns).methods
-    observed = compared(task, curves, lambda found: 100 * found.observed).methods
+    rates_of = compare(task, curves, lambda runs: 100 * runs.rates).methods
+    returns_of = compare(task, curves, lambda runs: runs.returns).methods
+    observed_of = compare(task, curves, lambda runs: 100 * runs.observed).methods
     for variant in task.variants:
         if variant not in curves:
             continue
-        found, rates = curves[variant], rated[variant]
-        reached = found.steps[0][found.rates.mean(axis=0) >= 0.9] / 1000
+        runs, rates = curves[variant], rates_of[variant]
+        thousands = runs.steps[0][runs.rates.mean(axis=0) >= 0.9] / 1000
         row = [variant, str(rates.runs), interval(rates.mean, rates.runs)]
         if task.substeps:
-            least = [f"{100 * of[:, -1].min():.0f}" for of in (found.rates, found.observed)]
-            row += [least[0], interval(observed[variant].mean, rates.runs), least[1]]
-        row += [interval(returned[variant].mean, rates.runs)] * paid
-        several = task.ours in rated and min(rates.runs, rated[task.ours].runs) > 1
+            minima = [f"{100 * final[:, -1].min():.0f}" for final in (runs.rates, runs.observed)]
+            row += [minima[0], interval(observed_of[variant].mean, rates.runs), minima[1]]
+        row += [interval(returns_of[variant].mean, rates.runs)] * has_returns
+        several = task.ours in rates_of and min(rates.runs, rates_of[task.ours].runs) > 1
         p = f"{rates.p:.1g}" if several and rates.p is not None else ""
-        at = f"{reached[0]:.0f}k" if reached.size else "never"
-        row += [p] if task.substeps else [at, p, f"{found.seconds[:, -1].mean():.0f}"]
+        first = f"{thousands[0]:.0f}k" if thousands.size else "never"
+        row += [p] if task.substeps else [first, p, f"{runs.seconds[:, -1].mean():.0f}"]
         rows.append(row)
     return rows
 
 
-def printed(rows: Sequence[Sequence[str]]) -> str:
-    """A table for the terminal."""
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return a table for the terminal."""
     columns = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, columns, strict=True)).rstrip()
@@ -237,22 +237,22 @@ def printed(rows: Sequence[Sequence[str]]) -> str:
 
 
 def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
-    """Draws the rates over the steps of training, with the intervals of their means.
+    """Draw the rates over the steps of training, with the intervals of their means.
 
-    Where sub-steps judge, dots show the mean rates by the ends of steps alone.
+    With sub-steps, dots show the mean rates at the ends of steps alone.
     """
-    rated = compared(task, curves, lambda found: 100 * found.rates).methods
+    rates_of = compare(task, curves, lambda runs: 100 * runs.rates).methods
     with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
         figure, axes = plt.subplots(figsize=(4.6, 2.6))
         styles = cycle(["-", "--"])  # one curve may hide another
         for variant, style in zip(task.drawn, styles, strict=False):
             if variant in curves:
-                steps, found = curves[variant].steps[0] / 1000, rated[variant]
-                label = f"{variant}, {found.runs} runs"
-                means = [each.value for each in found.curve]
+                steps, rates = curves[variant].steps[0] / 1000, rates_of[variant]
+                label = f"{variant}, {rates.runs} runs"
+                means = [point.value for point in rates.curve]
                 (line,) = axes.plot(steps, means, style, marker=".", label=label)
-                if found.runs > 1:
-                    low, high = np.array([each.interval for each in found.curve]).T
+                if rates.runs > 1:
+                    low, high = np.array([point.interval for point in rates.curve]).T
                     axes.fill_between(
                         steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0
                     )
@@ -267,11 +267,13 @@ def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
 
 
 def main(task: Task, about: str, argv: list[str] | None = None) -> None:
-    """Runs what the file of results lacks, prints the table, and draws the curves."""
+    """Run what the file of results lacks, print the table, and draw the curves."""
     parser = argparse.ArgumentParser(description=about.partition("\n")[0])
     output = Path(__file__).with_name("results") / f"{task.name}.csv"
     parser.add_argument("--seeds", type=int, default=10, help="runs of every variant")
-    parser.add_argument("--first-seed", type=int, default=task.first_seed, help="of the runs")
+    parser.add_argument(
+        "--first-seed", type=int, default=task.first_seed, help="seed of the first run"
+    )
     parser.add_argument("--variants", nargs="+", choices=task.variants, default=task.variants)
     parser.add_argument("--jobs", type=int, default=1, help="runs at the same time")
     parser.add_argument("--steps", type=int, default=task.steps, help="steps of every run")
@@ -298,6 +300,6 @@ def main(task: Task, about: str, argv: list[str] | None = None) -> None:
         rate = f"{last['satisfied']} of {last['episodes']}"
         print(f"{last['variant']}, seed {last['seed']}: {rate} in {last['seconds']} s", flush=True)
     curves = read_curves(output)
-    print(printed(table(task, curves)))
+    print(text_table(table(task, curves)))
     if arguments.plot:
         draw(task, curves, arguments.plot)

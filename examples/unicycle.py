@@ -1,7 +1,7 @@
-"""Controls of a unicycle, found by the gradient of robustness: two places in time, no collision.
+"""Controls of a unicycle from the gradient of robustness: two positions in time, no collision.
 
-Adam ascends standard robustness, and smooth robustness whose temperature falls; standard
-robustness judges what they find. Needs the extras `jax` and `plot`.
+Adam maximizes standard robustness, and smooth robustness with a falling temperature; standard
+robustness evaluates the results. Needs the extras `jax` and `plot`.
 
 Run: python examples/unicycle.py --plot docs/examples/unicycle.png
 """
@@ -24,26 +24,28 @@ STEPS, PERIOD, SAMPLES = 300, 0.1, 61
 
 
 def path(controls: Any) -> Any:
-    """The places of a unicycle, one more than there are controls."""
+    """Return the positions of a unicycle, one more than controls."""
     speed, turn = 2.0 * jax.nn.sigmoid(controls[0]), 3.0 * jnp.tanh(controls[1])
     heading = jnp.cumsum(turn) * PERIOD
     moves = PERIOD * speed * jnp.stack([jnp.cos(heading), jnp.sin(heading)])
     return jnp.concatenate([jnp.zeros((2, 1)), jnp.cumsum(moves, axis=1)], axis=1)
 
 
-def signals(places: Any) -> dict[str, Any]:
-    """By how much each place is outside of the obstacle, and inside of the others."""
-    far = {n: jnp.hypot(places[0] - x, places[1] - y) - r for n, (x, y, r) in CIRCLES.items()}
-    return {name: by if name == "clear" else -by for name, by in far.items()}
+def signals(positions: Any) -> dict[str, Any]:
+    """Return the distance of each position to the obstacle, and into the other circles."""
+    gaps = {
+        n: jnp.hypot(positions[0] - x, positions[1] - y) - r for n, (x, y, r) in CIRCLES.items()
+    }
+    return {name: gap if name == "clear" else -gap for name, gap in gaps.items()}
 
 
 def robustness(controls: Any, **more: Any) -> Any:
-    """The robustness of the task at the begin."""
+    """Return the robustness of the task at the start."""
     return rtamt_arrays.jax.evaluate(TASK, signals(path(controls)), period=PERIOD, **more)[0]
 
 
-def ascended(start: Any, *, smooth: bool) -> tuple[Any, Any]:
-    """The controls after all steps of Adam, and the standard robustness before each."""
+def ascend(start: Any, *, smooth: bool) -> tuple[Any, Any]:
+    """Return the controls after all steps of Adam, and the standard robustness before each step."""
 
     def step(carried: Any, i: Any) -> Any:
         controls, mean, square = carried
@@ -54,14 +56,14 @@ def ascended(start: Any, *, smooth: bool) -> tuple[Any, Any]:
         new = controls + 0.05 * mean / (1 - 0.9 ** (i + 1.0)) / size
         return (new, mean, square), robustness(controls)
 
-    (found, *_), seen = jax.lax.scan(step, (start, 0.0 * start, 0.0 * start), jnp.arange(STEPS))
-    return found, seen
+    (result, *_), history = jax.lax.scan(step, (start, 0.0 * start, 0.0 * start), jnp.arange(STEPS))
+    return result, history
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Finds controls by both, and prints how robust they are."""
+    """Compute controls with both gradients, and print their robustness."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--plot", type=Path, help="draw the ways into this file")
+    parser.add_argument("--plot", type=Path, help="draw the paths into this file")
     plot = parser.parse_args(argv).plot
     plt.style.use(Path(__file__).parent / "paper.mplstyle")
     figure, (way, curve) = plt.subplots(1, 2, width_ratios=(3, 2))
@@ -71,12 +73,12 @@ def main(argv: list[str] | None = None) -> None:
     start = 0.3 * jax.random.normal(jax.random.key(1), (2, SAMPLES - 1))
     print(f"{'gradient of':>12}{'robustness':>12}{'verdict':>12}{'below 0 at':>13}")
     for smooth, label in (False, "standard"), (True, "smooth"):
-        controls, seen = jax.jit(ascended, static_argnames="smooth")(start, smooth=smooth)
+        controls, history = jax.jit(ascend, static_argnames="smooth")(start, smooth=smooth)
         final = rtamt.evaluate(TASK, signals(path(controls)), period=PERIOD)[0]
         verdict = "SATISFIED" if rtamt.holds(final) else "VIOLATED"
-        print(f"{label:>12}{final:12.3f}{verdict:>12}{(seen < 0).sum():>7} steps")
+        print(f"{label:>12}{final:12.3f}{verdict:>12}{(history < 0).sum():>7} steps")
         way.plot(*path(controls), label=label)
-        curve.plot(seen, label=label)
+        curve.plot(history, label=label)
     way.plot(*path(start), color="0.6", linestyle=":", label="first guess", zorder=0)
     way.set(title="The way, by the gradient of ...", aspect="equal", xlabel="m", ylabel="m")
     way.legend(loc="lower left")

@@ -1,8 +1,8 @@
 """Whenever the left foot lands, the right foot lands within half a second.
 
-Position servos that follow sines drive a walker. In every run but the first, its right knee stays
-bent from some time on. The monitor reads the touch sensors after every step of the simulation. It
-finds the violation when the half second is over, not before, and the run stops there.
+Position servos drive a walker along sine curves. In every run except the first, its right knee
+stays bent after some time. The monitor reads the touch sensors after every step of the simulation.
+It reports a violation at the end of the half second, and the run stops there.
 
 Run: python examples/walking_response.py --episodes 3 --plot walking_response.png
 """
@@ -25,7 +25,7 @@ MODEL = Path(__file__).parent / "models" / "walker.xml"
 
 
 def walk(data: Any, fault: float) -> None:
-    """Swings the hips, and bends the knee of the leg that swings forward; a stride takes 0.8 s."""
+    """Swing the hips, and bend the knee of the leg that swings forward; a stride takes 0.8 s."""
     for side, lag in (("left", 0.0), ("right", 0.5)):
         phase = 2 * math.pi * (data.time / 0.8 + lag)
         bent = side == "right" and data.time > fault
@@ -34,7 +34,7 @@ def walk(data: Any, fault: float) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Walks without a fault and with one; prints and draws when a response is missed."""
+    """Walk without and with a fault; print and draw when a response is missed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=3)
     parser.add_argument("--plot", type=Path, help="draw the runs into this file")

@@ -1,7 +1,7 @@
 """The value of an episode at time 0 in each continuation, from settled and open values.
 
-A continuation is "now" (the episode ends), "lower" or "upper" (it goes on with the lowest or the
-highest possible values). `rtamt_arrays.episode` describes the algorithm.
+A continuation is "now" (the episode ends), "lower" or "upper" (it continues with the smallest or
+the largest possible values). `rtamt_arrays.episode` describes the algorithm.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from rtamt_arrays.functions import (
     slide,
     suffixes,
 )
-from rtamt_arrays.layout import Arrival, Layout, StreamValues, WorldName, Worldview
+from rtamt_arrays.layout import Arrival, Continuation, ContinuationName, Layout, StreamValues
 from rtamt_arrays.operations import Operations, Tensor
 
 
 class EpisodeRows:
-    """Operations on rows of values: arrays with the axes time, corner and entry of the batch."""
+    """Operations on rows of values: arrays with the axes time, corner and batch entry."""
 
     def __init__(self, operations: Operations, dtype: object) -> None:
         self._o = operations
@@ -35,25 +35,25 @@ class EpisodeRows:
         self._lattice = exact(operations)
 
     def after(self, x: Tensor, y: Tensor) -> Tensor:
-        """Return one array after the other, both as wide as the wider one."""
+        """Return one array after the other, both broadcast to their common width."""
         wide = [max(pair) for pair in zip(x.shape[1:], y.shape[1:], strict=True)]
         parts = [self._o.broadcast(part, (part.shape[0], *wide)) for part in (x, y)]
         return self._o.concatenate(parts)
 
     def filled(self, rows: Tensor, tail: Tensor | float, count: int) -> Tensor:
-        """Return rows with a tail repeated ``count`` times after them."""
+        """Return rows, then ``count`` rows of the tail."""
         if count <= 0:
             return rows
         tail = self.array(tail)
-        later = self._o.broadcast(tail, (count, *tail.shape))
-        return later if rows is None else self.after(rows, later)
+        tails = self._o.broadcast(tail, (count, *tail.shape))
+        return tails if rows is None else self.after(rows, tails)
 
     def array(self, value: Tensor | float) -> Tensor:
         """Return a value as an array with axes of corners and entries."""
         return self._o.full((1, 1), value, self._dtype) if isinstance(value, float) else value
 
-    def even(self, x: Elements) -> Elements:
-        """Return elements whose numbers are all as wide as the widest."""
+    def same_width(self, x: Elements) -> Elements:
+        """Return elements with all numbers broadcast to their common width."""
         wide = [max(sizes) for sizes in zip(*(a.shape[1:] for a in x), strict=True)]
         return tuple(self._o.broadcast(a, (a.shape[0], *wide)) for a in x)
 
@@ -62,22 +62,22 @@ class EpisodeRows:
         return self._o.broadcast(rows, (count, *rows.shape[1:]))
 
     def identities_of(self, fold: Fold, count: int) -> Elements | None:
-        """Return ``count`` identity elements; None if there are none."""
+        """Return ``count`` identity elements; None if ``count`` is not positive."""
         if count <= 0:
             return None
         return tuple(self._o.full((count, 1, 1), e, self._dtype) for e in fold.identity)
 
     def inside(self, age: Tensor, window: Window, begin: int, end: int) -> Tensor:
-        """Return whether the times at offsets are in the window of time 0."""
+        """Return whether the times at offsets are in the window at time 0."""
         offsets = self._o.arange(begin, end + 1)[:, None, None]
         times = age + offsets
         inside = times >= max(0, window.lo or 0)
         return inside if window.hi is None else inside & (times <= window.hi)
 
-    def in_world(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
-        """Return polynomials in the unknowns, evaluated at values of the unknowns."""
+    def at_unknowns(self, rows: Tensor, unknowns: Sequence[Tensor]) -> Tensor:
+        """Return the values of polynomials at values of their unknowns."""
         count, corners, entries = rows.shape
-        if corners == 1:  # the same at every corner
+        if corners == 1:  # they do not depend on unknowns
             return rows
         values = rows.reshape((count, *(2,) * len(unknowns), 1, entries))
         for u in unknowns:
@@ -94,8 +94,8 @@ _DECIDES = {"min": -INF, "max": INF}
 """The operand that decides a function; its negative is neutral."""
 
 
-class EpisodeOutlook:
-    """Computes the value of a program at time 0 in a continuation."""
+class Continuations:
+    """The value of a program at time 0 in a continuation."""
 
     def __init__(
         self,
@@ -114,16 +114,21 @@ class EpisodeOutlook:
         self._rows = rows
         self._dtype = dtype
 
-    def view(self, now: Arrival, world: WorldName, opened: Worldview | None = None) -> Worldview:
-        """Return the streams of a continuation; ``opened`` is the same one of the uncut trace."""
+    def view(
+        self, now: Arrival, name: ContinuationName, opened: Continuation | None = None
+    ) -> Continuation:
+        """Return the streams of a continuation.
+
+        For a cut trace, ``opened`` is the same continuation of the uncut trace.
+        """
         unknown = self._o.full((1, 1), 0.0, self._dtype)
-        view = Worldview(world, {}, [unknown] * len(self._axes), opened)
+        view = Continuation(name, {}, [unknown] * len(self._axes), opened)
         for r in self._placement.streams:
             instruction = self.program.instructions[r]
             if isinstance(instruction, Const):
                 stream = StreamValues(None, -self._layout.oldest, instruction.value)
             elif r < self.program.terms:
-                stream = StreamValues(None, 0, INF if world == "upper" else -INF)
+                stream = StreamValues(None, 0, INF if name == "upper" else -INF)
             elif isinstance(instruction, Map):
                 stream = self._pointwise(now, view, r, instruction)
             else:
@@ -131,13 +136,13 @@ class EpisodeOutlook:
                 compute = self._future if window.hi is None else self._windowed
                 stream = compute(now, view, r, window)
                 if opened is None:
-                    stream = self._own_elements(now, view, window, stream)
+                    stream = self._replace_after_now(now, view, window, stream)
                 elif window.endless or window.hi is None:
-                    stream = self._recorded(r, window, stream, opened.streams[r])
+                    stream = self._merge_cut(r, window, stream, opened.streams[r])
             view.streams[r] = stream
         return view
 
-    def value(self, now: Arrival, view: Worldview) -> Tensor:
+    def value(self, now: Arrival, view: Continuation) -> Tensor:
         """Return the value at time 0 in a continuation."""
         values: dict[int, Tensor] = {}
         for r in self._placement.initial:
@@ -152,7 +157,7 @@ class EpisodeOutlook:
         return values[self.program.result]
 
     def _read(
-        self, now: Arrival, view: Worldview, register: int, begin: int, end: int
+        self, now: Arrival, view: Continuation, register: int, begin: int, end: int
     ) -> tuple[Tensor, int]:
         """Return the values at offsets before the tail, and the last of these offsets."""
         shape, stream = self._shapes[register], view.streams[register]
@@ -165,7 +170,7 @@ class EpisodeOutlook:
                 begin + shape.back : min(last, -shape.late) + shape.back + 1
             ]
             parts.append(
-                self._rows.in_world(rows, view.unknowns) if self._depends[register] else rows
+                self._rows.at_unknowns(rows, view.unknowns) if self._depends[register] else rows
             )
         first = 1 - shape.late
         if last >= first:
@@ -173,7 +178,7 @@ class EpisodeOutlook:
         return (parts[0] if len(parts) == 1 else self._rows.after(*parts)), last
 
     def _pointwise(
-        self, now: Arrival, view: Worldview, register: int, instruction: Map
+        self, now: Arrival, view: Continuation, register: int, instruction: Map
     ) -> StreamValues:
         begin, end = self._open(view, register)
         operands = []
@@ -181,7 +186,7 @@ class EpisodeOutlook:
             rows, last = self._read(now, view, a, begin, end)
             operands.append((last, rows, view.streams[a].tail))
         name = instruction.function
-        tail = self._of_tails(name, [operand[2] for operand in operands])
+        tail = self._apply_to_tails(name, [operand[2] for operand in operands])
         if name in _DECIDES:
             (last, x, short), (longest, y, _) = sorted(operands, key=lambda operand: operand[0])
             count = last - begin + 1
@@ -200,48 +205,48 @@ class EpisodeOutlook:
             return StreamValues(None, end, tail)
         return StreamValues(FUNCTIONS[name](self._o, *filled), end, tail)
 
-    def _of_tails(self, name: str, tails: Sequence[Tensor | float]) -> Tensor | float:
+    def _apply_to_tails(self, name: str, tails: Sequence[Tensor | float]) -> Tensor | float:
         """Apply a function to tails."""
         if all(isinstance(tail, float) for tail in tails):
             return algebra.FUNCTIONS[name].apply(*tails)
         return FUNCTIONS[name](self._o, *map(self._rows.array, tails))
 
-    def _open(self, view: Worldview, register: int) -> tuple[int, int]:
+    def _open(self, view: Continuation, register: int) -> tuple[int, int]:
         """Return the first and the last offset at which a stream has not settled."""
         shape = self._shapes[register]
-        return 1 - shape.late, 0 if view.world == "now" else shape.past
+        return 1 - shape.late, 0 if view.name == "now" else shape.past
 
-    def _closed(self, view: Worldview, window: Window) -> bool:
-        """Return whether samples that do not exist count as identities."""
+    def _closed(self, view: Continuation, window: Window) -> bool:
+        """Return whether missing samples count as identities."""
         if view.opened is not None:
             return window.hi is None
-        return view.world == "now" or window.skips(best=view.world == "upper")
+        return view.name == "now" or window.skips(best=view.name == "upper")
 
     def _elements(
-        self, now: Arrival, view: Worldview, window: Window, begin: int, end: int
+        self, now: Arrival, view: Continuation, window: Window, begin: int, end: int
     ) -> tuple[Elements | None, int]:
         """Return the elements at offsets before the tail, and the last of these offsets."""
-        read = [self._read(now, view, a, begin, end) for a in window.args]
-        last = max(end for _, end in read)
+        streams = [self._read(now, view, a, begin, end) for a in window.args]
+        last = max(stop for _, stop in streams)
         if last < begin:
             return None, last
         x = tuple(
-            self._rows.filled(rows, view.streams[a].tail, last - here)
-            for a, (rows, here) in zip(window.args, read, strict=True)
+            self._rows.filled(rows, view.streams[a].tail, last - stop)
+            for a, (rows, stop) in zip(window.args, streams, strict=True)
         )
         return self._since_zero(now, window, begin, x), last
 
     def _since_zero(self, now: Arrival, window: Window, begin: int, x: Elements) -> Elements:
-        """Return elements from an offset on; identities before time 0."""
+        """Return elements from an offset on, with identities before time 0."""
         if begin >= 0:
             return x
         offsets = self._o.arange(begin, begin + x[0].shape[0])
         return self._rows.fold(window).masked(self._o, now.age >= -offsets[:, None, None], x)
 
     def _extended(
-        self, view: Worldview, window: Window, x: Elements | None, count: int
+        self, view: Continuation, window: Window, x: Elements | None, count: int
     ) -> Elements | None:
-        """Return elements with ``count`` elements of the tail after them."""
+        """Return elements, then ``count`` elements of the tail."""
         if count <= 0:
             return x
         rows = x or (None,) * len(window.args)
@@ -249,7 +254,7 @@ class EpisodeOutlook:
         return tuple(self._rows.filled(a, tail, count) for a, tail in zip(rows, tails, strict=True))
 
     def _windowed(
-        self, now: Arrival, view: Worldview, register: int, window: Window
+        self, now: Arrival, view: Continuation, register: int, window: Window
     ) -> StreamValues:
         """Return the values of a bounded window: settled folds, then open elements."""
         fold, (first, end) = self._rows.fold(window), self._open(view, register)
@@ -260,7 +265,7 @@ class EpisodeOutlook:
         limit = min(limit, 0) if closed else limit
         x, last = self._elements(now, view, window, newest + 1, limit)
         if last < min(limit, -1) and (window.lo is None or window.lo < 0):
-            # The tail may start before time 0, where windows of the past read it.
+            # The tail may start before time 0, where windows over the past read it.
             x = self._extended(view, window, x, min(limit, -1) - last)
             last = min(limit, -1)
             x = x and self._since_zero(now, window, newest + 1, x)
@@ -270,28 +275,28 @@ class EpisodeOutlook:
         skipped, decides = number == fold.identity[-1], number == -fold.identity[-1]
         if last < limit:
             # Whether every window after the last element reaches the tail.
-            reached = not closed or (window.lo or 0) <= 0
-            if decides and reached:
+            reaches_tail = not closed or (window.lo or 0) <= 0
+            if decides and reaches_tail:
                 count = min(count, ahead)
             elif not skipped:
                 x, ahead = self._extended(view, window, x, limit - last), limit - newest
-            elif width and reached:
+            elif width and reaches_tail:
                 count = min(count, ahead + width - 1)
-        kept = now.folds[register]
+        settled = now.folds[register]
         if self._depends[register]:
-            kept = tuple(self._rows.in_world(rows, view.unknowns) for rows in kept)
-        rows = self._over(fold, kept, x, ahead, count, width)
+            settled = tuple(self._rows.at_unknowns(rows, view.unknowns) for rows in settled)
+        rows = self._fold_windows(fold, settled, x, ahead, count, width)
         if width is None and not decides:
-            total = tuple(a[-1] for a in rows or kept)
+            total = tuple(a[-1] for a in rows or settled)
             tail = fold.combine(total, tuple(map(self._rows.array, tails)))[-1]
         else:
-            tail = self._together(fold, tails)
+            tail = self._equal_fold(fold, tails)
         return StreamValues(rows and rows[-1], first - 1 + count, tail)
 
-    def _over(
+    def _fold_windows(
         self,
         fold: Fold,
-        kept: Elements,
+        settled: Elements,
         x: Elements | None,
         ahead: int,
         count: int,
@@ -303,31 +308,34 @@ class EpisodeOutlook:
         parts: list[Elements] = []
         old = count if width is None else min(count, width - 1)  # windows that start before
         if old:
-            part = kept if width is None else tuple(a[1 : old + 1] for a in kept)
+            part = settled if width is None else tuple(a[1 : old + 1] for a in settled)
             if x is not None:
-                begun = prefixes(self._o, fold, tuple(a[:old] for a in self._rows.even(x)))
-                begun = tuple(self._rows.filled(a, a[-1], old - ahead) for a in begun)
-                part = fold.combine(part, begun)
+                newer = prefixes(self._o, fold, tuple(a[:old] for a in self._rows.same_width(x)))
+                newer = tuple(self._rows.filled(a, a[-1], old - ahead) for a in newer)
+                part = fold.combine(part, newer)
             parts.append(tuple(self._rows.repeated(a, old) for a in part))
         new = count - old
         if new and width is not None:
             if x is not None and ahead <= width:
-                parts.append(tuple(a[:new] for a in suffixes(self._o, fold, self._rows.even(x))))
+                folds = suffixes(self._o, fold, self._rows.same_width(x))
+                parts.append(tuple(a[:new] for a in folds))
                 new -= ahead
             elif x is not None:
-                nothing = self._rows.identities_of(fold, new + width - 1 - ahead)
-                padded = x if nothing is None else tuple(map(self._rows.after, x, nothing))
+                identities = self._rows.identities_of(fold, new + width - 1 - ahead)
+                padded = x if identities is None else tuple(map(self._rows.after, x, identities))
                 parts.append(slide(fold, tuple(a[: new + width - 1] for a in padded), width))
                 new = 0
-            if (nothing := self._rows.identities_of(fold, new)) is not None:
-                parts.append(nothing)
+            if (identities := self._rows.identities_of(fold, new)) is not None:
+                parts.append(identities)
         joined = parts[0]
         for part in parts[1:]:
             joined = tuple(map(self._rows.after, joined, part))
         return joined
 
-    def _future(self, now: Arrival, view: Worldview, register: int, window: Window) -> StreamValues:
-        """Return the values of an unbounded window; the fold of its open part is its unknown."""
+    def _future(
+        self, now: Arrival, view: Continuation, register: int, window: Window
+    ) -> StreamValues:
+        """Return the values of an unbounded window; its unknown is the fold of its open part."""
         fold, (first, end) = self._rows.fold(window), self._open(view, register)
         closed = self._closed(view, window)
         end = 0 if closed else end
@@ -336,16 +344,16 @@ class EpisodeOutlook:
         tails = tuple(view.streams[a].tail for a in window.args)
         later = tuple(self._rows.array(t)[None] for t in (fold.identity if closed else tails))
         joined = later if x is None else tuple(map(self._rows.after, x, later))
-        rows = suffixes(self._o, fold, self._rows.even(joined))
+        rows = suffixes(self._o, fold, self._rows.same_width(joined))
         view.unknowns[self._axes[register]] = rows[-1][0]
         values = None if x is None else rows[-1][:-1]
-        return StreamValues(values, end, self._together(fold, tails))
+        return StreamValues(values, end, self._equal_fold(fold, tails))
 
-    def _own_elements(
-        self, now: Arrival, view: Worldview, window: Window, stream: StreamValues
+    def _replace_after_now(
+        self, now: Arrival, view: Continuation, window: Window, stream: StreamValues
     ) -> StreamValues:
-        """Reduce windows after now to their own element, where later samples may not exist."""
-        if view.world == "now" or not self._closed(view, window):
+        """Replace the windows after now by their own elements if later samples may be missing."""
+        if view.name == "now" or not self._closed(view, window):
             return stream
         if window.lo:
             return stream._replace(tail=self._rows.fold(window).identity[-1])
@@ -357,12 +365,12 @@ class EpisodeOutlook:
             rows = self._rows.after(stream.values, rows)
         return StreamValues(rows, last, view.streams[operand].tail)
 
-    def _recorded(
+    def _merge_cut(
         self, register: int, window: Window, stream: StreamValues, opened: StreamValues
     ) -> StreamValues:
-        """Return the values of a cut trace, and open values where nothing was recorded."""
+        """Return the values of a cut trace, and open values for windows that were not recorded."""
         first = 1 - self._shapes[register].late
-        # After it, the window of the operator was not recorded.
+        # Windows after this offset were not recorded.
         last = max(first - 1, -window.begin if window.endless else 0)
         count = last - first + 1
         rows = stream.values[:count] if count and stream.last >= first else None
@@ -373,14 +381,14 @@ class EpisodeOutlook:
         rows = remainder if rows is None else self._rows.after(rows, remainder)
         return StreamValues(rows, opened.last, opened.tail)
 
-    def _together(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:
+    def _equal_fold(self, fold: Fold, tails: tuple[Tensor | float, ...]) -> Tensor | float:
         """Return the fold of equal elements."""
         if len(tails) == 1:
             return tails[0]
         arrays = tuple(map(self._rows.array, tails))
         return fold.combine(arrays, arrays)[-1]
 
-    def _at_zero(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
+    def _at_zero(self, now: Arrival, view: Continuation, register: int, window: Window) -> Tensor:
         """Return the value of a window at time 0."""
         value = self._folded(now, view, register, window)
         if view.opened is None or not window.endless:
@@ -388,12 +396,12 @@ class EpisodeOutlook:
         opened = self._folded(now, view.opened, register, window)
         return self._o.where(now.age < window.begin, opened, value)
 
-    def _folded(self, now: Arrival, view: Worldview, register: int, window: Window) -> Tensor:
-        """Fold a window at time 0: settled, open and later elements."""
+    def _folded(self, now: Arrival, view: Continuation, register: int, window: Window) -> Tensor:
+        """Return the fold of a window at time 0 over its settled, open and later elements."""
         o, fold = self._o, self._rows.fold(window)
         total = now.initial[register]
         if any(self._depends[a] for a in window.args):
-            total = tuple(self._rows.in_world(rows, view.unknowns) for rows in total)
+            total = tuple(self._rows.at_unknowns(rows, view.unknowns) for rows in total)
         begin = 1 - max(self._shapes[a].late for a in window.args)
         closed = self._closed(view, window)
         end = 0 if closed else max(self._shapes[a].past for a in window.args)

@@ -1,9 +1,9 @@
 """The functions and folds of `rtamt.program.algebra` on arrays, by name.
 
-Selects appear where compilers would simplify: x + 0.0 turns -0.0 into 0.0, but XLA drops it, and
-minima of XLA need not distinguish the zeros. Products and divisors add a zero that a compiler
-cannot see through. It prevents fused sums, which round once instead of twice, and the
-multiplication with the inverse of a constant divisor.
+Selects prevent simplifications of compilers: XLA drops x + 0.0, which turns -0.0 into 0.0, and its
+minima may not distinguish the zeros. Products and divisors add a zero that compilers cannot
+detect. It prevents fused sums, which round once instead of twice, and multiplication with the
+inverse of a constant divisor.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Elements = tuple[Tensor, ...]
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """Two functions that stand for min and max."""
+    """A minimum and a maximum, exact or smooth."""
 
     lesser: Callable[[Tensor, Tensor], Tensor]
     greater: Callable[[Tensor, Tensor], Tensor]
@@ -41,7 +41,7 @@ class Fold:
 
     @classmethod
     def named(cls, name: str, lattice: Lattice) -> Fold:
-        """Return the fold of a name, with the functions of a lattice as min and max."""
+        """Return the fold with a name, with the minimum and maximum of a lattice."""
         row = FOLDS[name]
         return cls(row.made(lattice.lesser, lattice.greater), row.identity)
 
@@ -53,17 +53,17 @@ class Fold:
 def slide(fold: Fold, elements: Elements, width: int) -> Elements:
     """Return the folds of all windows of ``width`` elements along the first axis.
 
-    They combine windows of powers of two that do not overlap.
+    A window is combined from windows without overlap, whose lengths are powers of two.
     """
     count = elements[0].shape[0] - width + 1
-    power, size, taken = elements, 1, 0
+    power, size, done = elements, 1, 0
     result: Elements | None = None
     while True:
         if width & size:
-            part = tuple(a[taken : taken + count] for a in power)
+            part = tuple(a[done : done + count] for a in power)
             result = part if result is None else fold.combine(result, part)
-            taken += size
-        if taken == width:
+            done += size
+        if done == width:
             return result or elements
         power = fold.combine(tuple(a[:-size] for a in power), tuple(a[size:] for a in power))
         size *= 2
@@ -107,14 +107,14 @@ def fold_all(o: Operations, fold: Fold, elements: Elements) -> Elements:
 
 
 def _no_negative_zero(o: Operations, x: Tensor) -> Tensor:
-    return x + o.where(x == 0.0, 0.0, _nothing(o, x))
+    return x + o.where(x == 0.0, 0.0, _negative_zero(o, x))
 
 
 def _rounded(o: Operations, x: Tensor) -> Tensor:
-    return x + _nothing(o, x)
+    return x + _negative_zero(o, x)
 
 
-def _nothing(o: Operations, x: Tensor) -> Tensor:
+def _negative_zero(o: Operations, x: Tensor) -> Tensor:
     """Return -0.0, which a sum ignores; nan for nan."""
     return o.where(x == x, -0.0, x)  # noqa: PLR0124
 
@@ -133,7 +133,7 @@ FUNCTIONS: Mapping[str, Callable[..., Tensor]] = {
     "add": lambda _, x, y: x + y,
     "sub": lambda _, x, y: x - y,
     "mul": lambda o, x, y: _rounded(o, x * y),
-    "div": lambda o, x, y: x / (y + _nothing(o, x)),
+    "div": lambda o, x, y: x / (y + _negative_zero(o, x)),
     "pow": lambda o, x, y: o.pow(x, y),
     "log": lambda o, x, y: o.ln(x) / o.ln(y),
     "min": lambda o, x, y: exact(o).lesser(x, y),
@@ -148,4 +148,4 @@ FUNCTIONS: Mapping[str, Callable[..., Tensor]] = {
     "eq": lambda o, x, y: _holds(o, x, y, x == y),
     "ne": lambda o, x, y: _holds(o, x, y, x != y),
 }
-"""What `rtamt.program.algebra.FUNCTIONS` computes, of operations and arrays."""
+"""`rtamt.program.algebra.FUNCTIONS` on arrays; the first argument is the operations."""

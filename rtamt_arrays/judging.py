@@ -1,7 +1,7 @@
 """Requirements on the episodes of many environments, as pure functions of arrays.
 
-`StepJudge` is independent of simulators: it takes the signals, rewards and ends of a step, and
-returns what a wrapper adds to it. It uses the functions of `rtamt_gym`, so the results are equal.
+`StepJudge` is independent of simulators: from the signals, rewards and ends of a step it computes
+the results that a wrapper adds. It calls functions of `rtamt_gym`, so the results are equal.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _EVALUATION = ("period", "align", "view", "at_termination", "at_truncation")
 
 
 class RequirementOptions(ShapingNumbers, total=False):
-    """The keyword arguments of every wrapper, with the meaning that `rtamt_gym.StlReward` gives.
+    """The keyword arguments of every wrapper, with the same meaning as in `rtamt_gym.StlReward`.
 
-    ``mode`` is None by default: the reward stays. ``details`` adds ``info["stl"]``, where verdicts
-    are 1, -1 and 0. ``nan`` is None by default: a nan in a sample makes the robustness of its
-    environment nan until the reset. With ``"hold"`` the variable keeps its last value, except at a
-    reset.
+    ``mode`` is None by default, which does not change the reward. ``details`` adds ``info["stl"]``,
+    where verdicts are 1, -1 and 0. ``nan`` is None by default: after a nan in a sample, the
+    robustness of its environment is nan until the reset. With ``"hold"`` the variable keeps its
+    last value, except at a reset.
     """
 
     period: Period | None
@@ -61,10 +61,10 @@ class RequirementState(NamedTuple):
 
     Attributes:
         monitors: The state of the monitors.
-        potential: The value that the shaping compares with the next step.
+        potential: The potential of the shaping, which the next step is compared with.
         outcome: 1 if all specifications are certainly satisfied, -1 if one is violated; otherwise,
             0.
-        violated_at: The sample that showed the first violation; -1 if there is none.
+        violated_at: The sample that showed the first violation; -1 before a violation.
         samples: The number of samples since the reset.
     """
 
@@ -76,14 +76,14 @@ class RequirementState(NamedTuple):
 
 
 class JudgedStep(NamedTuple):
-    """A step of the environments with the requirements.
+    """The results of a step of the environments.
 
     Attributes:
         reward: The shaped reward.
         terminated: Where an episode is terminated, by the environment or by a violation.
-        truncated: Where it is truncated.
+        truncated: Where an episode is truncated.
         info: The keys for the info.
-        features: The monitors' state for the observation, of shape (environments, features).
+        features: The state of the monitors for observations, of shape (environments, features).
     """
 
     reward: Tensor
@@ -115,7 +115,7 @@ class StepJudge:
         names: The names of the specifications.
         variables: The variables of all specifications.
         features: The features of ``observe="state"``.
-        observes: Whether the observation shows them.
+        observes: Whether the observation has these features.
 
     Raises:
         SpecificationError: As the monitors of `rtamt_gym` do.
@@ -148,8 +148,8 @@ class StepJudge:
         check_choice("cost", cost, (None, *get_args(Cost)))
         nan = remainder.pop("nan", None)
         check_choice("nan", nan, (None, "hold"))
-        held = self.variables if nan == "hold" else ()
-        self._monitors = ArrayMonitorSet(loaded, evaluation, cost, held, library)
+        hold = self.variables if nan == "hold" else ()
+        self._monitors = ArrayMonitorSet(loaded, evaluation, cost, hold, library)
         self._by_step = evaluation.view == "step"
         self._details = remainder.pop("details", False)
         observe = remainder.pop("observe", None)
@@ -181,7 +181,7 @@ class StepJudge:
         return frozenset({"robustness", "is_success"}) | self._monitors.cost_keys
 
     def init(self, count: int) -> RequirementState:
-        """Return the state of some environments before their first sample."""
+        """Return the state of ``count`` environments before their first sample."""
         monitors = self._monitors.init(count)
         zero = self._o.full((count,), 0.0, monitors.judges[0].rows.dtype)
         age = monitors.judges[0].age
@@ -190,7 +190,7 @@ class StepJudge:
     def reset(self, state: RequirementState, mask: Tensor) -> RequirementState:
         """Return the state in which the masked environments have no samples.
 
-        Unlike `begin` it takes no sample: the next `step` takes their first one.
+        Unlike `begin` it takes no sample; the next `step` takes the first sample.
         """
         o = self._o
         return RequirementState(
@@ -252,16 +252,16 @@ class StepJudge:
                 is the sample of its last state, not of the state after the reset.
             reward: The environment's own reward.
             terminated: Where the environment has terminated the episode, as booleans.
-            truncated: Where a time limit has ended it; a termination takes precedence.
+            truncated: Where a time limit has ended the episode; a termination takes precedence.
         """
         return self.conclude(state, self.update(state, sample), reward, terminated, truncated)
 
     def update(self, state: RequirementState, sample: NamedSample) -> MonitorSetUpdate:
-        """Take a sample in every environment: the part of `step` that needs no ends."""
+        """Take a sample in every environment, the part of `step` before the ends are known."""
         return self._monitors.update(state.monitors, sample, state.samples)
 
     def violated(self, update: MonitorSetUpdate) -> Tensor:
-        """Return where a specification is certainly violated, however the episode continues."""
+        """Return where a specification is certainly violated."""
         return self._o.signbit(least([reading.upper for reading in update.readings]))
 
     def conclude(
@@ -292,7 +292,7 @@ class StepJudge:
         shaped = reward
         if self._shapes:
             zero, shaping = potential * 0.0, self._shaping
-            ends = (o.where(ended, zero + 1.0, zero) for ended in (terminated, over))
+            ends = (o.where(end, zero + 1.0, zero) for end in (terminated, over))
             shaped = shaping.reward(reward, state.potential, potential, *ends)
             if shaping.settles:
                 shaped = shaped + settle(state.outcome, settled, shaping.bonus, shaping.penalty)
@@ -300,7 +300,7 @@ class StepJudge:
         return following, JudgedStep(shaped, terminated, truncated, info, self._features(values))
 
     def metrics(self, judged: JudgedStep) -> dict[str, Tensor]:
-        """Return numbers to sum over an episode: verdicts of its last step, costs of every step."""
+        """Return numbers to sum over an episode: verdicts of the last step, costs of every step."""
         o, over = self._o, judged.terminated | judged.truncated
         robustness = clip(judged.info["robustness"], self._shaping.clip)
         zero = robustness * 0.0

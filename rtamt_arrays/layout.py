@@ -1,4 +1,4 @@
-"""The state and the readings of the episode machine, and the layout of its state."""
+"""The state and the readings of the episode machine on arrays, and the layout of its state."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rtamt.program.placement import Placement
 from rtamt_arrays.functions import Elements
 from rtamt_arrays.operations import Tensor
 
-WorldName = Literal["now", "lower", "upper"]
-WORLDS: tuple[WorldName, ...] = get_args(WorldName)
+ContinuationName = Literal["now", "lower", "upper"]
+CONTINUATIONS: tuple[ContinuationName, ...] = get_args(ContinuationName)
 
 
 class EpisodeState(NamedTuple):
     """The state of an episode monitor.
 
     Attributes:
-        rows: Settled values of streams and their folds, the oldest of each first.
+        rows: Settled values of streams and folds of windows, each from the oldest.
         kept: The same for values that depend on unknowns, of shape (rows, corners, entries).
-        first: The terms of sample 0 that are read there.
+        first: The terms of sample 0 that the value at time 0 needs.
         age: The number of samples of each entry since its reset, up to a maximum.
         nan: Whether an entry has had a nan since its reset.
     """
@@ -40,7 +40,7 @@ class BoundsReading(NamedTuple):
         robustness: The robustness if the episode ended now; nan after a nan.
         lower: The minimum robustness over all continuations and ends; -inf after a nan.
         upper: The maximum robustness over all continuations and ends; inf after a nan.
-        verdict: 1 satisfied, -1 violated, 0 undecided, as `rtamt.Verdict`.
+        verdict: 1 (satisfied), -1 (violated) or 0 (undecided), as in `rtamt.Verdict`.
         nan: Whether a variable or a term has been nan since the reset.
     """
 
@@ -69,7 +69,7 @@ class StreamValues(NamedTuple):
     """The values of a stream that have not settled, in a continuation.
 
     Attributes:
-        values: The values from the first open offset on; None if there are none.
+        values: The values from the first open offset on; None without values.
         last: The offset of the last value.
         tail: The value at all later offsets: a number, or an array if it depends on samples.
     """
@@ -83,11 +83,11 @@ class Arrival(NamedTuple):
     """The settled values after a sample has arrived.
 
     Attributes:
-        age: The number of samples of each entry before this one, which is the time of this one.
-        settled: The settled values of streams, the oldest first.
+        age: The number of earlier samples of each entry, which is the time of this sample.
+        settled: The settled values of streams, from the oldest.
         folds: For windows of streams, the folds from each settled element to the newest one; for
-            windows without a start, the fold of all.
-        initial: The folds of settled elements of windows that are read at time 0.
+            windows without a start, the fold of all elements.
+        initial: The folds of settled elements of windows whose value at time 0 is needed.
         first: The terms of sample 0.
     """
 
@@ -98,21 +98,21 @@ class Arrival(NamedTuple):
     first: dict[int, Tensor]
 
 
-class Worldview(NamedTuple):
+class Continuation(NamedTuple):
     """The streams of a continuation.
 
     Attributes:
-        world: "now", "lower" or "upper".
+        name: "now", "lower" or "upper".
         streams: The values of each stream.
         unknowns: The values of the unknowns.
-        opened: For a cut trace, the same continuation of the uncut one: an unbounded operator whose
-            window was not recorded has its values there. None for an uncut trace.
+        opened: For a cut trace, the same continuation of the uncut trace, which has the values of
+            unbounded operators with unrecorded windows. None for an uncut trace.
     """
 
-    world: WorldName
+    name: ContinuationName
     streams: dict[int, StreamValues]
     unknowns: list[Tensor]
-    opened: Worldview | None = None
+    opened: Continuation | None = None
 
 
 _LONGEST = 2**30
@@ -122,10 +122,10 @@ class Cells(NamedTuple):
     """Rows ``begin`` to ``end`` of a table of the state.
 
     Attributes:
-        depends: Whether they depend on unknowns, and so are in ``kept``.
+        depends: Whether they depend on unknowns, so that they are in ``kept``.
         begin: The first row.
-        end: The row after the last one.
-        identity: The value after a reset; None if it is not read then.
+        end: The row after the last row.
+        identity: The value after a reset; None if it is never read then.
     """
 
     depends: bool
@@ -142,11 +142,11 @@ class Layout:
         shapes: The offsets of each stream.
         sizes: The number of rows with and without unknowns.
         folds: The cells of the folds of each window.
-        histories: The cells of the settled values that others read.
-        initial: The cells of the folds of windows that are read at time 0.
-        firsts: The terms that are read at time 0.
+        histories: The cells of the settled values that other streams read.
+        initial: The cells of the folds of windows whose value at time 0 is needed.
+        firsts: The terms whose value at time 0 is needed.
         windows: The windows among the instructions.
-        oldest: The maximum age; older entries all behave alike.
+        oldest: The maximum age; all older entries behave the same.
     """
 
     def __init__(self, placement: Placement) -> None:
@@ -155,14 +155,14 @@ class Layout:
         self.windows = dict(self._windows())
         self.depends = self._dependent()
         self.shapes = self._offsets()
-        self.sizes = {False: 0, True: 0}  # rows that depend on no unknown, and others
+        self.sizes = {False: 0, True: 0}  # by whether rows depend on unknowns
         self.folds: dict[int, list[Cells]] = {}
         self.histories: dict[int, Cells] = {}
         for r in self._placement.streams:
             window = self.program.instructions[r]
             if isinstance(window, Window) and window.hi is not None:
                 rows = 1 if window.length is None else window.length - 1
-                self.folds[r] = self._placed(window, rows, depends=self.depends[r])
+                self.folds[r] = self._fold_cells(window, rows, depends=self.depends[r])
             shape = self.shapes[r]
             if shape.back > shape.late and not self._is_constant(r):
                 rows = shape.back - shape.late
@@ -171,7 +171,7 @@ class Layout:
         for r, window in self.windows.items():
             if r in self._placement.initial:
                 depends = any(self.depends[a] for a in window.args)
-                self.initial[r] = self._placed(window, 1, depends=depends)
+                self.initial[r] = self._fold_cells(window, 1, depends=depends)
         self.firsts = [r for r in self._placement.initial if r < self.program.terms]
         self.oldest = self._last_age()
 
@@ -189,7 +189,7 @@ class Layout:
             (r, instruction) for r, instruction in instructions if isinstance(instruction, Window)
         ]
 
-    def _placed(self, window: Window, rows: int, *, depends: bool) -> list[Cells]:
+    def _fold_cells(self, window: Window, rows: int, *, depends: bool) -> list[Cells]:
         return [self._cells(rows, e, depends=depends) for e in FOLDS[window.fold].identity]
 
     def _cells(self, rows: int, identity: float | None, *, depends: bool) -> Cells:

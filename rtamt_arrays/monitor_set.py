@@ -23,7 +23,7 @@ NamedSample = Mapping[str, Tensor]
 
 
 class ArrayLibrary(NamedTuple):
-    """The functions of an array library, for one kind of floats.
+    """The functions of an array library, for one dtype.
 
     Attributes:
         episode: The function ``episode`` of the library.
@@ -37,7 +37,7 @@ class ArrayLibrary(NamedTuple):
 
 
 class InstantState(NamedTuple):
-    """The state of an `ArrayInstants`: the monitor of instants, and the monitor of the episode."""
+    """The states of the two monitors of an `ArrayInstants`: of instants and of the episode."""
 
     newest: OnlineState
     sofar: EpisodeState
@@ -47,7 +47,7 @@ class ArrayInstants:
     """`rtamt_gym.judging.monitors.VectorInstantMonitor` as pure functions of arrays.
 
     Attributes:
-        judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
+        judge: The monitor of bounds and verdict of ``always(formula)`` on the same samples.
     """
 
     def __init__(
@@ -74,18 +74,18 @@ class ArrayInstants:
     def begin(
         self, state: InstantState, sample: NamedSample, mask: Tensor
     ) -> tuple[InstantState, Tensor]:
-        """Start the masked environments with a sample; return its robustness."""
+        """Start the masked environments with a sample; return the robustness of its instant."""
         newest, reading = self._newest.begin(state.newest, sample, mask)
         sofar, episode = self._sofar.begin(state.sofar, sample, mask)
-        return InstantState(newest, sofar), self._known(reading, episode)
+        return InstantState(newest, sofar), self._robustness(reading, episode)
 
     def update(self, state: InstantState, sample: NamedSample) -> tuple[InstantState, Tensor]:
         """Take a sample; return the robustness of the newest known instant."""
         newest, reading = self._newest.update(state.newest, sample)
         sofar, episode = self._sofar.update(state.sofar, sample)
-        return InstantState(newest, sofar), self._known(reading, episode)
+        return InstantState(newest, sofar), self._robustness(reading, episode)
 
-    def _known(self, reading: OnlineReading, episode: BoundsReading) -> Tensor:
+    def _robustness(self, reading: OnlineReading, episode: BoundsReading) -> Tensor:
         early = self._o.isnan(reading.robustness)
         return self._o.where(early, episode.robustness, reading.robustness)
 
@@ -95,8 +95,8 @@ class CostState(NamedTuple):
 
     Attributes:
         monitors: The state of the monitor of each demand.
-        charged: With ``"first"``, 1 where a specification was violated before the step, a row for
-            each.
+        charged: With ``"first"``, a row for each specification: 1 where it was violated before the
+            step.
     """
 
     monitors: tuple[OnlineState, ...]
@@ -149,7 +149,7 @@ class ArrayCosts:
     def update(
         self, state: CostState, sample: NamedSample, number: Tensor, zero: Tensor
     ) -> tuple[CostState, list[Tensor]]:
-        """Take a sample with this number; return the largest cost of each specification."""
+        """Take sample ``number``; return the largest cost of each specification."""
         monitors, worst = [], [zero] * len(self._names)
         triples = zip(self._demands, self._monitors, state.monitors, strict=True)
         for demand, monitor, before in triples:
@@ -167,7 +167,7 @@ class ArrayCosts:
         Args:
             state: The state that `update` returned.
             worst: The costs that `update` returned.
-            violated: 1 where each specification is violated, at the end of an episode too.
+            violated: For each specification, 1 where it is violated, also at the end of an episode.
         """
         if self._kind is None:
             return state, {}
@@ -176,7 +176,7 @@ class ArrayCosts:
         return state._replace(charged=self._o.stack(violated)) if before else state, costs
 
     def _cost(self, demand: Demand, robustness: Tensor, instant: Tensor, zero: Tensor) -> Tensor:
-        """Return the cost of an instant: 0 where it does not violate the demand."""
+        """Return the cost of an instant: 0 where the demand is satisfied."""
         o = self._o
         charged = o.signbit(robustness) & ~o.isnan(robustness) & (instant >= demand.first)
         if demand.last is not None:
@@ -191,7 +191,7 @@ class MonitorSetState(NamedTuple):
         judges: The state of the judge of each specification.
         instants: With ``view="step"``, the state of each monitor of instants.
         costs: The state of the costs.
-        held: The last value of each variable that is held.
+        held: The last value of each variable of ``nan="hold"``.
     """
 
     judges: tuple[EpisodeState, ...]
@@ -206,8 +206,9 @@ class MonitorSetUpdate(NamedTuple):
     Attributes:
         state: The next state.
         readings: The reading of each judge.
-        cut: The same if the trace is cut there.
-        instants: With ``view="step"``, the robustness of the newest known instant of each.
+        cut: The reading of each judge if the trace is cut after the sample.
+        instants: With ``view="step"``, the robustness of the newest known instant of each
+            specification.
         worst: The largest cost of each specification.
     """
 
@@ -223,7 +224,7 @@ class ArrayMonitorSet:
 
     Attributes:
         latencies: The number of samples after the first that each judge reads; None for all.
-        cost_keys: The keys of ``info`` that hold costs.
+        cost_keys: The keys of ``info`` with costs.
     """
 
     def __init__(
@@ -277,7 +278,7 @@ class ArrayMonitorSet:
         )
 
     def begin(self, state: MonitorSetState, sample: NamedSample, mask: Tensor) -> MonitorSetUpdate:
-        """Start the masked environments with a sample; the others take none."""
+        """Start the masked environments with a sample; the other environments take no sample."""
         judges, readings = _begin(self._judges, state.judges, sample, mask)
         instants, robustness = _begin(self._instants, state.instants, sample, mask)
         costs = self._costs.begin(state.costs, sample, mask)
@@ -291,7 +292,7 @@ class ArrayMonitorSet:
     def update(
         self, state: MonitorSetState, sample: NamedSample, number: Tensor
     ) -> MonitorSetUpdate:
-        """Take a sample with this number in every environment."""
+        """Take sample ``number`` in every environment."""
         held = []
         for name, last in zip(self._held, state.held, strict=True):
             value = self._o.as_kind_of(sample[name], last)
@@ -326,7 +327,7 @@ class ArrayMonitorSet:
             update: The result of `begin` or `update`.
             samples: The number of samples of each environment since its reset.
             terminated: Where the environment has terminated the episode.
-            truncated: Where a time limit has ended it.
+            truncated: Where a time limit has ended the episode.
         """
         ends = (terminated, self._ends[0]), (truncated & ~terminated, self._ends[1])
         pairs = zip(update.readings, update.cut, strict=True)
@@ -344,14 +345,14 @@ class ArrayMonitorSet:
     def charge(
         self, update: MonitorSetUpdate, values: MonitorValues[Any]
     ) -> tuple[MonitorSetState, dict[str, Tensor]]:
-        """Return the state after a step, and the keys of its ``info`` that hold costs."""
+        """Return the state after a step, and the keys of its ``info`` with costs."""
         zero = self._zero(values.upper[0])
         violated = [self._o.where(verdict < 0, zero + 1.0, zero) for verdict in values.verdicts]
         costs, keys = self._costs.charge(update.state.costs, update.worst, violated)
         return update.state._replace(costs=costs), keys
 
     def no_costs(self, values: MonitorValues[Any]) -> dict[str, Tensor]:
-        """Return the keys of the ``info`` of a reset that hold costs."""
+        """Return the keys of the ``info`` of a reset with costs, which are 0."""
         return dict.fromkeys(self.cost_keys, self._zero(values.upper[0]))
 
     def _zero(self, like: Tensor) -> Tensor:
@@ -364,8 +365,8 @@ class ArrayMonitorSet:
         result = reading
         for mask, end in ends:
             if end in {"complete", "cut"}:
-                closed = self._complete(reading) if end == "complete" else cut
-                pairs = zip(closed, result, strict=True)
+                at_end = self._complete(reading) if end == "complete" else cut
+                pairs = zip(at_end, result, strict=True)
                 result = BoundsReading(*(self._o.where(mask, *pair) for pair in pairs))
             elif end == "failure":
                 failed = mask & (reading.verdict == 0)

@@ -1,8 +1,8 @@
 """Robustness of recorded traces on arrays, with exact or smooth min and max.
 
 With a temperature T, the smooth max of numbers x is T log(sum(exp(x / T))), and the smooth min is
-the negated smooth max of the negated numbers. Both have a gradient everywhere, in which each number
-has its share of the sum.
+the negated smooth max of the negated numbers. Both have a gradient everywhere; the gradient of each
+number is its share of the sum.
 """
 
 from __future__ import annotations
@@ -19,20 +19,28 @@ from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
 from rtamt.typing import Align, Period
 from rtamt_arrays.functions import FUNCTIONS, Fold, Lattice, exact, slide
-from rtamt_arrays.inputs import ArrayReader, Spec, dtype_name, program_of, refused, terms, whole
+from rtamt_arrays.inputs import (
+    ArrayReader,
+    Spec,
+    as_whole,
+    dtype_name,
+    program_of,
+    raise_error,
+    terms,
+)
 from rtamt_arrays.operations import Operations, Tensor
 
 
-def evaluated(
+def robustness_of(
     program: Program, o: Operations, dtype: object, lattice: Lattice, values: list[Tensor]
 ) -> Tensor:
     """Return the robustness at every time of traces; time is the first axis.
 
-    A trace in which a variable or a term is nan has nan everywhere.
+    If a variable or a term is nan anywhere in a trace, its robustness is nan everywhere.
     """
     shape = tuple(values[0].shape)
     n = shape[0]
-    registers, wrong = terms(program, o, dtype, values)
+    registers, is_nan = terms(program, o, dtype, values)
     for instruction in program.instructions[program.terms :]:
         match instruction:
             case Map("min", (a, b)):
@@ -42,7 +50,7 @@ def evaluated(
             case Map(function, args):
                 registers.append(FUNCTIONS[function](o, *(registers[a] for a in args)))
             case Window(name, lo, hi, args):
-                # As `Program.clamped` does, in words that compilers of graphs read.
+                # As in `Program.clamped`, with code that graph compilers support.
                 lo = -n if lo is None else max(-n, min(n, lo))
                 hi = n if hi is None else max(-n, min(n, hi))
                 fold = Fold.named(name, lattice)
@@ -60,20 +68,20 @@ def evaluated(
                 begin = lo + before
                 registers.append(slide(fold, x, hi - lo + 1)[-1][begin : begin + n])
             case _:
-                msg = "an input behind the terms"
+                msg = "an input after the terms"
                 raise AssertionError(msg)
     result = o.broadcast(registers[program.result], shape)
-    if wrong is None:
+    if is_nan is None:
         return result
-    count = o.as_integers(wrong).sum(0)
+    count = o.as_integers(is_nan).sum(0)
     return o.where(count > 0, math.nan, result)
 
 
 RobustnessSemantics = Literal["standard", "smooth"]
-"""How robustness is made: of min and max, or of smooth ones."""
+"""The robustness with exact or with smooth min and max."""
 
 _Error = tuple[float, float]
-"""How far a smooth value may lie below the standard one, and above it, at temperature 1."""
+"""How far a smooth value may be below and above the standard value, at temperature 1."""
 
 
 def lattice_of(
@@ -86,30 +94,30 @@ def lattice_of(
     if semantics == "standard":
         if temperature is not None:
             text = (
-                "expected no temperature with semantics='standard', got "
-                f"{reader.shown(temperature)}; semantics='smooth' has one"
+                f"temperature={reader.describe(temperature)} has no effect with "
+                "semantics='standard'; set semantics='smooth', or leave it out"
             )
-            refused(reader, InputError, text)
+            raise_error(reader, InputError, text)
         return exact(o)
     if semantics != "smooth":
         hint = reader.nearest(str(semantics), ["standard", "smooth"])
         text = f"expected semantics 'standard' or 'smooth', got {semantics!r}{hint}"
-        refused(reader, InputError, text)
+        raise_error(reader, InputError, text)
     if temperature is None:
-        text = "expected a temperature with semantics='smooth', got none"
-        refused(reader, InputError, text)
+        text = "semantics='smooth' needs a temperature; set temperature= to a number above 0"
+        raise_error(reader, InputError, text)
     if getattr(temperature, "shape", None) == () and not isinstance(temperature, np.generic):
-        array = reader.taken(temperature)
+        array = reader.as_array(temperature)
         if array is not None:
-            # No error can depend on the content of an array.
+            # An error cannot depend on the content of an array.
             return _smooth(o, o.where((array > 0.0) & ~o.isinf(array), array, math.nan))
-    number, (least, most) = _checked(reader, temperature), reader.limits
-    if not least <= number <= most:
+    number, (low, high) = _checked(reader, temperature), reader.limits
+    if not low <= number <= high:
         text = (
-            f"expected a temperature from {least:.3g} to {most:.3g}, in which "
-            f"{dtype_name(reader.dtype)} has all its digits, got {number}"
+            f"expected a temperature from {low:.3g} to {high:.3g}, the normal numbers of "
+            f"{dtype_name(reader.dtype)}, got {number}"
         )
-        refused(reader, InputError, text)
+        raise_error(reader, InputError, text)
     return _smooth(o, number)
 
 
@@ -117,12 +125,12 @@ def _checked(reader: ArrayReader | None, temperature: object) -> float:
     if isinstance(temperature, bool) or not isinstance(
         temperature, int | float | np.floating | np.integer
     ):
-        shown = brief if reader is None else reader.shown
+        shown = brief if reader is None else reader.describe
         text = f"expected a number as temperature, got {shown(temperature)}"
-        refused(reader, InputTypeError, text)
+        raise_error(reader, InputTypeError, text)
     if not 0.0 < temperature < math.inf:
         text = f"expected a finite temperature above 0, got {temperature}"
-        refused(reader, InputError, text)
+        raise_error(reader, InputError, text)
     return temperature if isinstance(temperature, int | float) else float(temperature)
 
 
@@ -130,8 +138,8 @@ def _smooth(o: Operations, temperature: Tensor) -> Lattice:
     lattice = exact(o)
 
     def greater(x: Tensor, y: Tensor) -> Tensor:
-        # Infinite numbers are chosen: their gradients would be no numbers. So are those beside
-        # which the temperature is nothing.
+        # Use the exact maximum for infinite numbers, whose gradients would be nan, and for
+        # numbers that overflow when they are divided by the temperature.
         infinite = o.isinf(x / temperature) | o.isinf(y / temperature)
         both = (o.where(infinite, 0.0, number) / temperature for number in (x, y))
         return o.where(infinite, lattice.greater(x, y), temperature * o.logaddexp(*both))
@@ -147,12 +155,12 @@ def smoothing_error(
     *,
     align: Align | None = None,
 ) -> tuple[float, float]:
-    """Return how far smooth robustness can lie below and above the standard one.
+    """Return how far smooth robustness can be below and above standard robustness.
 
-    A smooth max of n numbers exceeds their max by at most T log n; a smooth min is at most that
-    much below their min. The bounds hold at every time of every trace: with smooth robustness s and
-    bounds (below, above), the standard robustness is in [s - above, s + below]. So s > above proves
-    that the requirement is satisfied, and s < -below that it is violated.
+    A smooth max of n numbers exceeds their max by at most T log n, and a smooth min is below their
+    min by at most T log n. The bounds hold at every time of every trace: with smooth robustness s
+    and bounds (below, above), the standard robustness is in [s - above, s + below]. Hence s > above
+    proves that the requirement is satisfied, and s < -below proves that it is violated.
 
     Args:
         spec: As for ``evaluate``.
@@ -174,7 +182,7 @@ def smoothing_error(
         >>> round(below, 4), above  # 0.5 * log(10), for the minimum of 10 numbers
         (1.1513, 0.0)
     """
-    number = whole(samples)
+    number = as_whole(samples)
     if number is None:
         raise InputTypeError(f"expected a whole number of samples, got {brief(samples)}")
     if number < 1:
@@ -198,19 +206,19 @@ def _error(program: Program, n: int) -> _Error:
             case Window(name, lo, hi, args):
                 width = (n if hi is None else hi) - (-n if lo is None else lo) + 1
                 combine = FOLDS[name].made(_lesser, _greater)
-                errors.append(_widened(combine, tuple(errors[a] for a in args), width)[-1])
+                errors.append(_window_error(combine, tuple(errors[a] for a in args), width)[-1])
             case _:
-                msg = "an input or another function behind the terms"
+                msg = "an input or another function after the terms"
                 raise AssertionError(msg)
     return errors[program.result]
 
 
-def _widened(
+def _window_error(
     combine: Callable[[tuple[_Error, ...], tuple[_Error, ...]], tuple[_Error, ...]],
     element: tuple[_Error, ...],
     width: int,
 ) -> tuple[_Error, ...]:
-    """Return the error of a fold of ``width`` elements, combined as `functions.slide` does."""
+    """Return the error of a fold of ``width`` elements, combined as in `functions.slide`."""
     power, size = element, 1
     result: tuple[_Error, ...] | None = None
     while True:

@@ -1,10 +1,10 @@
-"""The online machine on arrays: one step is a pure function of fixed shapes.
+"""The online machine on arrays: one step is a pure function with fixed shapes.
 
-A window is a ladder of doublings. Each rung is the fold of the last 2^i elements, combined from the
-rung below and its value 2^i samples ago. The last rung overlaps, which is harmless in a lattice. A
-window of k samples needs log2(k) delays with k - 1 numbers in total. All delays of a program are in
-one table of cells and entries. A step reads all of them at once and then writes all of them at
-once, so the compiler updates the table in place.
+A window is a ladder of doublings. Rung i is the fold of the last 2^i elements, combined from the
+rung below and its earlier value. The last rung overlaps, which does not change a minimum or a
+maximum. A window of k samples needs log2(k) delays with k - 1 numbers in total. All delays of a
+program are in one table of cells and entries. A step reads the table once and then writes it once,
+so the compiler updates it in place.
 
 All entries share a clock. A reset sets the age of an entry to 0: older values read as the identity
 of the fold, so a reset costs nothing.
@@ -41,7 +41,7 @@ class OnlineState(NamedTuple):
 
     Attributes:
         ring: The cells of all delays, of shape (cells, entries).
-        place: The cell of each delay that is read and written next.
+        place: For each delay, the cell that the next step reads and writes.
         totals: The folds since the start, a row for each number.
         age: The number of samples of each entry since its reset, up to a maximum.
         nan: Whether an entry has had a nan since its reset.
@@ -58,8 +58,8 @@ class OnlineReading(NamedTuple):
     """The result of an online monitor: arrays with a value for each batch entry.
 
     Attributes:
-        robustness: The robustness, late by the latency; nan before the first, and after a nan until
-            the reset.
+        robustness: The robustness, late by the latency; nan before the first value, and from a nan
+            to the reset.
         nan: Whether a variable or a term has been nan since the reset.
     """
 
@@ -90,7 +90,7 @@ class OnlineMonitor:
         self._rungs: dict[int, list[tuple[int, int]]] = {}  # by slot: delay, length
         for slot, scheduled in self._schedule:
             if isinstance(scheduled, Delay):
-                self._rungs[slot] = [(self._delayed(scheduled.length, (0.0,)), scheduled.length)]
+                self._rungs[slot] = [(self._add_delay(scheduled.length, (0.0,)), scheduled.length)]
             elif isinstance(scheduled, Window):
                 self._rungs[slot] = self._ladder(scheduled)
         o, dtype = operations, reader.dtype
@@ -118,7 +118,7 @@ class OnlineMonitor:
             f"{self.latency}, {dtype_name(self._reader.dtype)}>"
         )
 
-    def _delayed(self, length: int, identity: Sequence[float]) -> int:
+    def _add_delay(self, length: int, identity: Sequence[float]) -> int:
         self._lengths += [length] * len(identity)
         self._identities += identity
         return len(self._lengths) - len(identity)
@@ -134,7 +134,7 @@ class OnlineMonitor:
             size *= 2
         if size < window.length:
             lengths.append(window.length - size)
-        return [(self._delayed(length, identity), length) for length in lengths]
+        return [(self._add_delay(length, identity), length) for length in lengths]
 
     @old_keywords
     def init(self, batch_size: SupportsIndex) -> OnlineState:
@@ -145,7 +145,7 @@ class OnlineMonitor:
             InputTypeError: If ``batch_size`` is not a whole number.
         """
         arrays = zeros(self._o, self._fields, checked_batch_size(self._reader, batch_size))
-        # A copy, because callers may overwrite it.
+        # Callers may overwrite the state, so return a copy.
         position = self._o.concatenate([self._table.begins])
         return OnlineState(**arrays | {"place": position})
 
@@ -158,7 +158,7 @@ class OnlineMonitor:
 
         Raises:
             InputError: If a shape is wrong.
-            InputTypeError: If the state or the mask is of another kind.
+            InputTypeError: If the state or the mask has a wrong type.
         """
         self._check(state)
         keep = ~checked_mask(self._reader, mask, state.age)
@@ -177,14 +177,14 @@ class OnlineMonitor:
 
         Raises:
             InputError: If a variable is missing, or a shape is wrong.
-            InputTypeError: If the state or the sample is of another kind.
+            InputTypeError: If the state or the sample has a wrong type.
         """
         self._check(state)
         o, age = self._o, state.age
         entries = tuple(age.shape)
         values = columns(self.program, self._reader, sample, entries)
-        known, wrong = terms(self.program, o, self._reader.dtype, values)
-        slots: dict[int, Tensor] = dict(enumerate(known))
+        values, is_nan = terms(self.program, o, self._reader.dtype, values)
+        slots: dict[int, Tensor] = dict(enumerate(values))
         step = _Step(o, state, self._table)
         for slot, scheduled in self._schedule:
             match scheduled:
@@ -205,7 +205,7 @@ class OnlineMonitor:
                     slots[slot] = x[-1]
                 case _ as never:
                     assert_never(never)
-        nan = state.nan if wrong is None else state.nan | wrong
+        nan = state.nan if is_nan is None else state.nan | is_nan
         robustness = o.where((age >= self.latency) & ~nan, slots[self.program.result], math.nan)
         following = step.following(nan, o.least(age + 1, self._oldest))
         return following, OnlineReading(robustness, nan)
@@ -213,9 +213,9 @@ class OnlineMonitor:
     def begin(
         self, state: OnlineState, sample: ArraySample, mask: Tensor | None = None
     ) -> tuple[OnlineState, OnlineReading]:
-        """Start the masked entries again with a sample; the others take none.
+        """Start the masked entries again with a sample; the other entries take no sample.
 
-        Entries share a clock: the sample has the time of the newest one of the others.
+        Entries share a clock: the sample has the time of the newest sample of the others.
 
         Args:
             state: As for `update`.
@@ -233,10 +233,10 @@ class OnlineMonitor:
         o, position, table = self._o, state.place, self._table
         before = state._replace(place=o.where(position == table.begins, table.ends, position) - 1)
         mask = checked_mask(self._reader, mask, state.age)
-        begun, reading = self.update(self.reset(before, mask), sample)
+        updated, reading = self.update(self.reset(before, mask), sample)
         parts = {
             name: position if name == "place" else o.where(mask, new, getattr(state, name))
-            for name, new in begun._asdict().items()
+            for name, new in updated._asdict().items()
         }
         return OnlineState(**parts), reading
 
@@ -249,7 +249,7 @@ class _Table(NamedTuple):
 
     Attributes:
         begins: The first cell of each delay.
-        ends: The cell after the last one of each delay.
+        ends: The cell after the last cell of each delay.
         lengths: The number of samples of each delay.
         identities: The values of times before the reset.
         totals: The folds of no samples.
@@ -277,17 +277,17 @@ class _Step:
             self._sums = o.where(state.age > 0, state.totals, table.totals)
 
     def delayed(self, delay: int, x: Elements) -> Elements:
-        """Write numbers to a delay, and return the numbers that it delayed."""
+        """Write numbers to a delay, and return its delayed numbers."""
         for i, number in enumerate(x):
             self._written[delay + i] = self._o.broadcast(number, self._entries)
         return tuple(self._late[delay + i] for i in range(len(x)))
 
-    def total(self, place: int, fold: Fold, x: Elements) -> Elements:
+    def total(self, row: int, fold: Fold, x: Elements) -> Elements:
         """Fold an element into the total since the start."""
-        before = tuple(self._sums[place + i] for i in range(len(x)))
+        before = tuple(self._sums[row + i] for i in range(len(x)))
         total = fold.combine(before, x)
         for i, number in enumerate(total):
-            self._totals[place + i] = self._o.broadcast(number, self._entries)
+            self._totals[row + i] = self._o.broadcast(number, self._entries)
         return total
 
     def following(self, nan: Tensor, age: Tensor) -> OnlineState:

@@ -1,8 +1,8 @@
-"""The functions in which array libraries differ, next to the operators of their arrays.
+"""The functions in which array libraries differ, in addition to the operators of their arrays.
 
-To add an array library: a package next to ``jax`` and ``torch`` with a class that has these
+To add an array library, add a package next to ``jax`` and ``torch`` with a class that has these
 methods, and a group ``tests/arrays/NAME.txt``. ``tests/support/array_contract.py`` tests every
-library, ``array_requirements.py`` the wrappers of environments.
+library, and ``array_requirements.py`` tests the wrappers of environments.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 Tensor = Any
-"""An array of JAX, or a tensor of torch: checking this package needs the types of neither."""
+"""An array of JAX or a tensor of torch; type checks of this package need neither library."""
 
 
 class Operations(Protocol):
     """The functions of an array library; time is the first axis.
 
-    ``count``, ``row`` and ``truth`` are the kinds of counts, of row numbers and of booleans.
+    ``count``, ``row`` and ``truth`` are the dtypes of counts, of row numbers and of booleans.
     """
 
     count: object
@@ -27,7 +27,7 @@ class Operations(Protocol):
     def full(self, shape: tuple[int, ...], value: float, dtype: object) -> Tensor: ...
 
     def constant(self, values: Sequence[float], dtype: object) -> Tensor:
-        """Return a vector that belongs to a monitor, and may have to be moved to a device."""
+        """Return a constant vector of a monitor, on its device."""
 
     def arange(self, begin: int, end: int) -> Tensor: ...
 
@@ -62,11 +62,11 @@ class Operations(Protocol):
     def as_integers(self, x: Tensor) -> Tensor:
         """Return booleans as counts."""
 
-    def least(self, x: Tensor, most: int) -> Tensor:
+    def least(self, x: Tensor, limit: int) -> Tensor:
         """Return the minimum of integers and a number."""
 
     def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
-        """Return numbers in the kind of another array."""
+        """Return numbers with the dtype of another array."""
 
     def concatenate(self, arrays: Sequence[Tensor]) -> Tensor: ...
 

@@ -1,8 +1,8 @@
 """The signals of a specification, read from a step of many environments on a device.
 
-They are written as in `rtamt_gym`: ``obs[2]``, ``obs['state'][0]``, ``action[0]``, ``reward``,
-``info['key']``, ``metrics['key']``, or a function of an `ArrayStep` of one environment, which is
-vectorized. Action and reward have no value at a reset; a pair sets one: ``("action[0]", 0.0)``.
+A selector is ``obs[2]``, ``obs['state'][0]``, ``action[0]``, ``reward``, ``info['key']`` or
+``metrics['key']``, as in `rtamt_gym`. A function takes an `ArrayStep` of one environment, and is
+vectorized. Action and reward do not exist at a reset; a pair sets a value: ``("action[0]", 0.0)``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rtamt_gym.signals.sources import STEP
 
 
 class ArrayStep(NamedTuple):
-    """The step that signals read: of a batch of environments, or of one for a function.
+    """A step of a batch of environments; functions of signals get a step of one environment.
 
     Attributes:
         obs: The observation: an array, or a dictionary of arrays.
@@ -38,16 +38,16 @@ class ArrayStep(NamedTuple):
     metrics: Mapping[str, Any] = {}
 
 
-def _nothing(_signal: ParsedSignal, _env: object) -> Any:  # noqa: ANN401 - no environment binds it
+def _unbound(_signal: ParsedSignal, _env: object) -> Any:  # noqa: ANN401 - no environment binds it
     msg = "arrays are read by ArraySignals"
     raise AssertionError(msg)
 
 
 SOURCES: Mapping[str, Source] = {
     **STEP,
-    "metrics": Source(example="metrics['key']", bind=_nothing, brackets="key"),
+    "metrics": Source(example="metrics['key']", bind=_unbound, brackets="key"),
 }
-"""The words that selectors may begin with."""
+"""The first words of selectors."""
 
 
 class ArraySignals:
@@ -56,7 +56,7 @@ class ArraySignals:
     Args:
         signals: For each variable a selector, a function, or a pair with its value at a reset.
         variables: The variables of the specifications.
-        vectorize: Turns a function of one environment into one of a batch.
+        vectorize: Returns the function of a batch for a function of one environment.
 
     Raises:
         InputError: As `rtamt_gym.StlMonitor` does, and if a value at a reset is unknown.
@@ -73,9 +73,9 @@ class ArraySignals:
         for signal in self._signals:
             if signal.default is not None and math.isnan(signal.default):
                 raise InputError(
-                    f"signal {signal.name!r}: expected a number as its value at a reset, got None: "
-                    "monitors on arrays know no unknown samples; write a specification of the "
-                    "samples after the reset, as in always[1:inf](...), and give any number"
+                    f"signal {signal.name!r}: the value at a reset is None, and monitors on "
+                    "arrays have no unknown samples. Set any number, and write a specification of "
+                    "the samples after the reset, such as always[1:inf](...)."
                 )
 
     def step(self, step: ArrayStep) -> dict[str, Tensor]:
@@ -83,7 +83,7 @@ class ArraySignals:
         return {signal.name: self._read(signal, step) for signal in self._signals}
 
     def reset(self, step: ArrayStep) -> dict[str, Tensor | float]:
-        """Return the same at a reset, where a signal may have one number for all."""
+        """Return an array for each signal at a reset, or one number for all environments."""
         return {
             signal.name: self._read(signal, step) if signal.default is None else signal.default
             for signal in self._signals
@@ -101,7 +101,7 @@ class ArraySignals:
 def _part(signal: ParsedSignal, value: Any, part: int | str) -> Any:  # noqa: ANN401
     """Return an element along the axis after the batch, or the value of a key.
 
-    Arrays clamp an index that is out of range, so the shape is checked.
+    Arrays clamp an index out of range, so check the shape.
     """
     if isinstance(value, Mapping):
         if part in value:

@@ -6,37 +6,37 @@ Reuse for the Training of Fault Scenarios in Aerospace, AIAA Modeling and Simula
 Conference 2004, paper 2004-4931, and MathWorks' documentation of it (Detect Faults in Aircraft
 Elevator Control System).
 
-Each side has an elevator that an outer and an inner hydraulic actuator can move. Circuit H1 serves
-the left outer actuator, H2 both inner ones, H3 the right outer one, at 1000 kPa. While nothing
-fails the outer actuators are active, under a PID law sampled every 0.01 s, and the inner ones stand
-by, under a proportional law. Monitors watch pressures and positions, and a mode logic (`decide`)
-turns off or isolates what has failed and sets the other actuator of the side to work, and with it
-the same actuator of the other side.
+Each side has an elevator, which an outer and an inner hydraulic actuator can move. At 1000 kPa,
+circuit H1 serves the left outer actuator, H2 both inner actuators, and H3 the right outer actuator.
+Without a failure the outer actuators are active, under a PID law sampled every 0.01 s, and the
+inner actuators stand by, under a proportional law. Monitors watch pressures and positions. After a
+failure a mode logic (`decide`) turns off or isolates the failed actuator, activates the other
+actuator of the side, and with it the same actuator of the other side.
 
-Positions are in cm, pressures in kPa, times in s. The action is the pilot's command, held over the
-step; the first step starts from rest at command 0. An observation is taken at the end of a step:
-`pc` is the command of that step, `lep` and `rep` are the positions of the elevators, the modes are
-those decided at that time (0 Isolated, 1 Off, 2 Passive, 3 Standby, 4 Active), and `p1` to `p3` are
-the pressures as the monitors see them, the middle of three sensors each.
+Positions are in cm, pressures in kPa, times in s. The action is the command of the pilot, constant
+over the step; the first step starts from rest at command 0. Observations are from the end of a
+step: `pc` is the command of the step, `lep` and `rep` are the positions of the elevators, the modes
+are 0 Isolated, 1 Off, 2 Passive, 3 Standby or 4 Active, and `p1` to `p3` are the pressures of the
+monitors, each the middle of three sensors.
 
-A fault begins at the first sample at or after its time, and never ends. Supply and reading of a
-lost circuit fall to 0. A failed position reads 100 cm; the actuator itself still works, it is the
-monitors that rule it out.
+A fault starts at the first sample at or after its time, and never ends. Supply and reading of a
+lost circuit fall to 0. A failed position reads 100 cm; the actuator itself still works, but the
+monitors exclude it.
 
-As in the source, the pressure across a piston follows the same equation whether the piston pushes
-or not. So an actuator that takes over starts from a pressure that does not fit the
-position, and the elevator jumps and swings for half a second: by 1 or 2 cm where an inner actuator
-takes over, by 5 cm and more where an outer one does that has stood by through a step of the
-command, as its law is the stronger one. Beyond 10 cm the monitors take the jump for a failure and
-isolate the actuator: with H1 lost at 4 s, H2 at 5 s and an amplitude of 1.5 cm, both sides are
-lost. A bypass would take the pressure off; the equations have none.
+As in the source, the pressure across a piston follows the same equation even if the piston does not
+push. An actuator that becomes active therefore starts from a pressure that does not fit the
+position, and the elevator jumps and swings for half a second: by 1 or 2 cm for an inner actuator,
+and by 5 cm or more for an outer actuator that stood by during a step of the command, because its
+law is stronger. If the jump exceeds 10 cm, the monitors report a failure and isolate the actuator:
+with H1 lost at 4 s, H2 at 5 s and an amplitude of 1.5 cm, both sides are lost. A bypass would
+release the pressure; the equations have no bypass.
 
-What is not validated. The equations are solved to 1e-6 cm while nothing fails, and to 1e-5 of the
-greatest position where it jumps; but they have not been compared with the Simulink model, nor with
-an aircraft. How fast a lost circuit empties, what a failed sensor reads and the noise of the
-pressure sensors are choices made here. In the mode logic all reactions to a failure come within one
-sample; the original takes a few samples for some. The original starts in mode Passive and reaches
-Active and Standby a sample later; here an episode starts there.
+**Not validated:** the equations are solved to 1e-6 cm without a failure, and to 1e-5 of the maximum
+position after a jump. They were not compared with the Simulink model or with an aircraft. The
+emptying of a lost circuit, the reading of a failed sensor and the noise of the pressure sensors are
+assumptions of this model. Here, the mode logic completes all reactions to a failure within a
+sample; some take a few samples in the original. The original starts in mode Passive and reaches
+Active and Standby a sample later; here an episode starts in these modes.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-SIDE = 10  # numbers in the state of a side
+SIDE = 10  # the size of the state of a side
 PERIOD = 0.01  # seconds from one sample of the control laws to the next
 
 # By mode (Isolated, Off, Passive, Standby, Active): whether the servo valve follows its command,
@@ -67,7 +67,7 @@ def stepping(substeps: int) -> Floats:
     """Return the number of substeps in a period, and the matrix of a valve for half a substep.
 
     The valve s'' = 200 u - 10 s' - 30 s rests at 200 u / 30 and has the eigenvalues -5 +- i sqrt 5.
-    The matrix, by rows, acts on its distance from there and its velocity.
+    The matrix, by rows, acts on the distance from this position and the velocity.
     """
     half = PERIOD / substeps / 2
     cosine = math.exp(-5 * half) * math.cos(math.sqrt(5) * half)
@@ -110,7 +110,7 @@ def advance(
         command: The position that the pilot commands over the period, in cm.
         modes: The modes of the outer and the inner actuator, from 0 to 4.
         supplies: The supply pressures of the outer and the inner actuator, in kPa.
-        stepping: The result of the function of this name.
+        stepping: The result of `stepping`.
     """
     x, v, outer, inner = side[0], side[1], side[2], side[5]
     error = command - x
@@ -160,20 +160,20 @@ ISOLATED, OFF, PASSIVE, STANDBY, ACTIVE = 0.0, 1.0, 2.0, 3.0, 4.0
 
 _CIRCUIT = (0, 1, 1, 2)  # the hydraulic circuit of each actuator
 _ORDER = (0, 3, 1, 2)  # outer actuators react first
-_MOST_RETURNS = 5.0  # so often an actuator may come back from Off
+_MAXIMUM_RETURNS = 5.0  # of an actuator from Off
 
 
 @compiled
 def pressure_failed(pressure: float, previous: float) -> bool:
-    """Return whether a circuit is low: out of 500 to 2000 kPa, or changed by over 100 kPa."""
+    """Return whether a pressure is outside 500 to 2000 kPa, or has changed by over 100 kPa."""
     return pressure < 500.0 or pressure > 2000.0 or abs(pressure - previous) > 100.0
 
 
 @compiled
 def position_failed(position: float) -> bool:
-    """Return whether a position has failed: over 10 cm from 0.
+    """Return whether a position is more than 10 cm from 0.
 
-    The source also counts a change by 20 cm in a sample, which leaves this range anyway.
+    A change by 20 cm in a sample is also a failure in the source; it always leaves this range.
     """
     return abs(position) > 10.0
 
@@ -181,7 +181,7 @@ def position_failed(position: float) -> bool:
 @compiled
 def _go_off(modes: Floats, returns: Floats, actuator: int) -> None:
     if modes[actuator] > OFF:
-        modes[actuator] = OFF if returns[actuator] < _MOST_RETURNS else ISOLATED
+        modes[actuator] = OFF if returns[actuator] < _MAXIMUM_RETURNS else ISOLATED
 
 
 @compiled
@@ -193,7 +193,7 @@ def _switch(
     outer: int,
     inner: int,
 ) -> None:
-    """Apply the first row of the table that fits to the actuators of a side."""
+    """Apply the reaction to failures of a side to its actuators."""
     outer_low, inner_low = low[_CIRCUIT[outer]] > 0.0, low[_CIRCUIT[inner]] > 0.0
     inner_lost = inner_low or failed[inner] > 0.0
     if outer_low and not inner_lost:
@@ -216,10 +216,10 @@ def _react(
     low: Floats,
     actuator: int,
 ) -> None:
-    """Move one actuator by one mode, if the others require it."""
+    """Change the mode of an actuator by one, if the other actuators require it."""
     mode = modes[actuator]
-    partner = modes[actuator ^ 1] == ACTIVE  # the other one of its side
-    twin = modes[3 - actuator] == ACTIVE  # outer or inner too, of the other side
+    partner = modes[actuator ^ 1] == ACTIVE  # the other actuator of its side
+    twin = modes[3 - actuator] == ACTIVE  # the same actuator of the other side
     if mode == OFF and low[_CIRCUIT[actuator]] == 0.0:
         returns[actuator] += 1.0
         modes[actuator] = PASSIVE
@@ -244,7 +244,7 @@ def decide(
 
     Args:
         modes: The modes of the four actuators, in and out.
-        returns: The number of returns of each from Off, in and out.
+        returns: The number of returns of each actuator from Off, in and out.
         low: 1 for each of the three circuits with failed pressure, otherwise 0.
         failed: 1 for each actuator with a failed position, otherwise 0.
     """
@@ -264,13 +264,13 @@ _SUPPLY = 1000.0  # kPa
 _LOST = 100.0  # cm, the reading of a failed position
 _SENSORS = 3  # for each pressure
 
-# The state: both sides, then the parts named here, then the number of samples since the start.
+# The state: both sides, then these parts, then the number of samples since the start.
 _MODES = 2 * SIDE
 _RETURNS = _MODES + 4
 _PRESSURES = _RETURNS + 4
 _TICKS = _PRESSURES + 3
 
-# The parameters: four actuators and three circuits with the times of their faults, then these.
+# The parameters: the times of faults of four actuators and three circuits, then these.
 _NOISE, _FREQUENCY, _AMPLITUDE = 7, 8, 9
 
 
@@ -363,7 +363,7 @@ def _baseline(
 ) -> None:
     """Fill the action with a square wave that starts with its upper half.
 
-    1e-9 keeps an edge at a sample from being missed.
+    With 1e-9, rounding cannot shift an edge by a sample.
     """
     halves = math.floor(2.0 * parameters[_FREQUENCY] * time + 1e-9)
     upper = halves - 2.0 * math.floor(halves / 2.0) < 0.5
@@ -371,16 +371,16 @@ def _baseline(
 
 
 _REQUIREMENTS = """
-// From the paper: within a second of a step up, the elevator is within 3 cm for a second. There it
-// is historically(rise(pc >= 0.9) implies eventually[0:1](always[0:1](abs(pc - lep) <= 3))), told
-// 2 s late: its last value speaks of the same steps as always[0:8] at the start of 10 s. Intervals
-// below end where 10 s leave all that is asked for.
+// From the paper: within a second of a step up, the elevator is within 3 cm for a second. The paper
+// has historically(rise(pc >= 0.9) implies eventually[0:1](always[0:1](abs(pc - lep) <= 3))), 2 s
+// late: its last value is about the same steps as always[0:8] at the start of 10 s. The intervals
+// below end where the required times fit into 10 s.
 follows_left = always[0:8](rise(pc >= 0.9) implies
     eventually[0:1](always[0:1](abs(pc - lep) <= 3)))
 follows_right = always[0:8](rise(pc >= 0.9) implies
     eventually[0:1](always[0:1](abs(pc - rep) <= 3)))
 
-// Whatever fails, an elevator is without an active actuator for 0.1 s at most.
+// After any failure, an elevator is without an active actuator for at most 0.1 s.
 driven_left = always[0:9.9](eventually[0:0.1](max(lo_mode, li_mode) >= 3.5))
 driven_right = always[0:9.9](eventually[0:0.1](max(ri_mode, ro_mode) >= 3.5))
 
@@ -388,12 +388,12 @@ driven_right = always[0:9.9](eventually[0:0.1](max(ri_mode, ro_mode) >= 3.5))
 alone_left = always[0:10](min(lo_mode, li_mode) <= 3.5)
 alone_right = always[0:10](min(ri_mode, ro_mode) <= 3.5)
 
-// Where an outer circuit is lost and the inner one is there, both inner actuators take over.
+// If an outer circuit is lost and the inner circuit works, both inner actuators become active.
 takes_over = always[0:9.9](
     min(p1, p3) < 500 and p2 >= 500 implies eventually[0:0.1](min(li_mode, ri_mode) >= 3.5))
 
-// Where both circuits of the left side are lost, it is isolated, and its elevator back in the
-// middle within a second.
+// If both circuits of the left side are lost, it is isolated, and its elevator is in the middle
+// within a second.
 isolates_left = always[0:8.9](max(p1, p2) < 500 implies
     eventually[0:0.1](max(lo_mode, li_mode) <= 0.5)
     and eventually[0:1](always[0:0.1](abs(lep) <= 0.1)))
@@ -408,24 +408,26 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     from rtamt_gym.drawing import tidy
 
     top, bands, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.4, 1.6))
-    times, seen = episode.times, episode.observations
+    times, values = episode.times, episode.observations
     tidy(top, "position [cm]")
-    top.step(times, seen[:, 0], where="pre", color="#999999", linewidth=1.2, label="command pc")
-    top.plot(times, seen[:, 1], color="#0072B2", linewidth=1.4, label="left lep")
-    top.plot(times, seen[:, 2], color="#D55E00", linewidth=1.4, linestyle="--", label="right rep")
+    top.step(times, values[:, 0], where="pre", color="#999999", linewidth=1.2, label="command pc")
+    top.plot(times, values[:, 1], color="#0072B2", linewidth=1.4, label="left lep")
+    top.plot(times, values[:, 2], color="#D55E00", linewidth=1.4, linestyle="--", label="right rep")
     tidy(bands, "mode")
     bands.grid(visible=False)
     edges = np.append(times, times[-1] + PERIOD) - 0.5 * PERIOD
     colours = ListedColormap(list(_COLOURS.values()))
-    bands.pcolormesh(edges, np.arange(5) - 0.5, seen[:, 3:7].T, cmap=colours, vmin=-0.5, vmax=4.5)
+    bands.pcolormesh(edges, np.arange(5) - 0.5, values[:, 3:7].T, cmap=colours, vmin=-0.5, vmax=4.5)
     bands.set_yticks(range(4), ("LO", "LI", "RI", "RO"))
     bands.hlines((0.5, 1.5, 2.5), edges[0], edges[-1], color="white", linewidth=2.5)
     bands.invert_yaxis()
     tidy(bottom, "pressure [kPa]")
     for i, (colour, style) in enumerate(_LINES):
         name = f"p{i + 1}"
-        bottom.plot(times, seen[:, 7 + i], color=colour, linestyle=style, linewidth=1.4, label=name)
-    bottom.set_ylim(min(-60.0, seen[:, 7:].min()), max(1200.0, seen[:, 7:].max()))
+        bottom.plot(
+            times, values[:, 7 + i], color=colour, linestyle=style, linewidth=1.4, label=name
+        )
+    bottom.set_ylim(min(-60.0, values[:, 7:].min()), max(1200.0, values[:, 7:].max()))
     bottom.set_xlabel("time [s]", fontsize=9.5)
     patches = [Patch(color=colour, label=name) for name, colour in _COLOURS.items()]
     for ax, handles in ((top, None), (bands, patches), (bottom, None)):
@@ -439,7 +441,7 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
         ax.set_xlim(times[0], max(times[-1], PERIOD))
 
 
-# Modes from Isolated to Active, and pressures from p1 to p3; Okabe and Ito's colours.
+# Colours of the modes, and of the pressures p1 to p3, from the palette of Okabe and Ito.
 _COLOURS = {
     "Isolated": "#222222",
     "Off": "#D55E00",
@@ -450,8 +452,8 @@ _COLOURS = {
 _LINES = (("#0072B2", "-"), ("#E69F00", "--"), ("#009E73", ":"))
 
 
-def _fault(name: str, what: str) -> Parameter:
-    return Parameter(name, 0.0, 10.0, default=math.inf, unit="s", about=f"when {what} fails")
+def _fault(name: str, part: str) -> Parameter:
+    return Parameter(name, 0.0, 10.0, default=math.inf, unit="s", about=f"when {part} fails")
 
 
 SCENARIO = Scenario(
@@ -481,10 +483,17 @@ SCENARIO = Scenario(
         _fault("H2", "the inner circuit"),
         _fault("H3", "the right outer circuit"),
         Parameter(
-            "noise", 0.0, 50.0, default=0.0, unit="kPa", about="deviation of a pressure sensor"
+            "noise",
+            0.0,
+            50.0,
+            default=0.0,
+            unit="kPa",
+            about="standard deviation of a pressure sensor",
         ),
-        Parameter("frequency", 0.2, 0.8, default=0.2, unit="Hz", about="of the baseline's wave"),
-        Parameter("amplitude", 1.0, 1.75, default=1.0, unit="cm", about="of the baseline's wave"),
+        Parameter("frequency", 0.2, 0.8, default=0.2, unit="Hz", about="frequency of the baseline"),
+        Parameter(
+            "amplitude", 1.0, 1.75, default=1.0, unit="cm", about="amplitude of the baseline"
+        ),
     ),
     inputs=(Signal("pc", -2.0, 2.0, points=10),),
     requirements=_REQUIREMENTS,

@@ -1,39 +1,39 @@
 """A car with an automatic transmission: from throttle and brake to speed, engine speed and gear.
 
-The benchmark that the field has used since 2014, after a demonstration model of Simulink. Torques
-are in lb ft, engine and wheel in rpm, inertias in lb ft s/rpm, speeds in mph; the wheel has a
-radius of one foot.
+The field has used this benchmark since 2014; it is based on a demonstration model of Simulink.
+Torques are in lb ft, engine and wheel in rpm, inertias in lb ft s/rpm, and speeds in mph; the wheel
+has a radius of one foot.
 
 - Engine: ``rpm' = (torque(throttle, rpm) - load) / 0.02199``, 1000 at the start, from 600 to 6000.
 - Converter: ``load = (rpm / K(r))^2``, turbine torque ``load TR(r)``, r = turbine speed / rpm.
 - Vehicle: ``wheel' = (3.23 gear_ratio turbine_torque - friction) / inertia``, at rest at the start,
   with ``friction = sign(speed) (brake + rolling + drag speed^2)``.
 - Shifts: every 0.04 s the speed is compared with thresholds that depend on gear and throttle. The
-  gear changes when the speed was beyond its threshold in three comparisons in a row (0.08 s).
+  gear changes after three comparisons in a row (0.08 s) with the speed beyond the threshold.
 
 Torque, K and TR are tables, linear between their points and beyond their ends. Both actions are
-held over a step. The original has the same solver: Dormand and Prince's, of order five, in fixed
-steps of 0.01 s. A comparison at time t uses the throttle from t on, as in the original, so it is
-made when the step from t begins, and a shift shows in the observation at t + 0.01 s. At a control
-point of an input the new throttle therefore counts already.
+constant over a step. The solver is that of the original: Dormand and Prince's method of order five,
+in fixed steps of 0.01 s. As in the original, a comparison at time t uses the throttle after t: it
+happens at the start of the step from t, and a shift shows in the observation at t + 0.01 s. At a
+control point of an input, the comparison therefore uses the new throttle.
 
-Validated: at full throttle without the brake (three shifts up) the speed at 20 s and the greatest
-rpm equal Simulink's to 1e-10. Numbers of Simulink are wanting for shifts down, throttles
-between the rows of the tables, the engine at its least speed of 600 rpm, and the brake: there a
-second model, written apart from this one, agrees to 1e-10 in the same steps.
-Nothing is claimed about a real car: a standing one under the brake trembles between -0.01 and 0.02
-mph, because friction jumps with the sign of the speed; with a halved step by half as much.
+Validated: at full throttle without the brake (three shifts up), the speed at 20 s and the maximum
+rpm equal the results of Simulink to 1e-10. For shifts down, throttles between the rows of the
+tables, the engine at its minimum of 600 rpm, and the brake, there are no results of Simulink; an
+independent second model agrees to 1e-10 with the same steps. The model is not a real car: a
+standing car with the brake on trembles between -0.01 and 0.02 mph, because friction jumps with the
+sign of the speed. With half the step it trembles half as much.
 
-The ARCH-COMP competition in falsification poses the requirements. `SCENARIO.inputs` are its
-instance 2: pieces of 5 s, here seven of each input, in the 35 s that AT51 to AT54 need (32.6 s of
-the 30 to 50 s that are in use). Instance 1, any piecewise continuous input, is what the other
-requirements are posed for: give a search ``Signal("throttle", 0, 100, points=...)`` of your own.
+The requirements are from the ARCH-COMP competition in falsification. `SCENARIO.inputs` are its
+instance 2: pieces of 5 s, here seven of each input. Episodes last 35 s, because AT51 to AT54 need
+32.6 s. The other requirements belong to instance 1, any piecewise continuous input: pass your own
+``Signal("throttle", 0, 100, points=...)`` to a search.
 
     >>> import gymnasium as gym, rtamt_envs
     >>> car = gym.make_vec("rtamt/AutomaticTransmission-v0", num_envs=1)
     >>> observation, _ = car.reset()
-    >>> courses = car.unwrapped.rollout([[[100.0, 0.0]]] * 2000)
-    >>> print(f"{courses[-1, 0, 0]:.4f} mph at 20 s, at most {courses[:, 0, 1].max():.4f} rpm")
+    >>> samples = car.unwrapped.rollout([[[100.0, 0.0]]] * 2000)
+    >>> print(f"{samples[-1, 0, 0]:.4f} mph at 20 s, at most {samples[:, 0, 1].max():.4f} rpm")
     120.2133 mph at 20 s, at most 4768.2772 rpm
 """
 
@@ -54,15 +54,15 @@ if TYPE_CHECKING:  # it is optional
 
 _PERIOD: Final = 0.01
 _STEPS_PER_COMPARISON: Final = 4.0
-_COMPARISONS_PER_SHIFT: Final = 2.0  # after the one that the speed first was beyond its threshold
+_COMPARISONS_PER_SHIFT: Final = 2.0  # after the first comparison beyond the threshold
 
-# The meaning of the numbers of a state.
+# The indices of the state.
 _RPM, _WHEEL, _GEAR, _SHIFT, _COMPARED, _STEPS = range(6)
 
-_MPH: Final = 2.0 * math.pi * 60.0 / 5280.0  # of the wheel, for each rpm
+_MPH: Final = 2.0 * math.pi * 60.0 / 5280.0  # per rpm of the wheel
 _IDLE: Final = 600.0
-_MOST: Final = 6000.0
-_AGILITY: Final = 1.0 / 0.0219914882835559  # rpm/s of the engine for each lb ft
+_MAXIMUM: Final = 6000.0
+_AGILITY: Final = 1.0 / 0.0219914882835559  # rpm/s of the engine per lb ft
 _FINAL_DRIVE: Final = 3.23
 _GEARS: Final = np.array([2.393, 1.450, 1.0, 0.677])
 
@@ -83,7 +83,7 @@ _TORQUES = np.array([
     [267, 301, 312, 319, 327, 334, 334, 334, 319, 305, 275],
 ], float)
 
-# The converter: rpm / sqrt(lb ft) and a quotient of torques, over a quotient of speeds.
+# The converter: K in rpm / sqrt(lb ft) and the ratio of torques, over the ratio of speeds.
 _RATIOS = np.array([*range(0, 80, 10), *range(80, 91), 92, 94]) / 100.0
 _CAPACITIES = np.array([
     137.4652089938063, 137.06501915685197, 135.86444964598905, 135.6643547275119,
@@ -137,11 +137,11 @@ _LINES: Final = _lines()
 
 
 @compiled
-def _cell(place: float, last: int) -> int:
-    """Return the cell of a place in a table; the first and last cells extend beyond the end."""
-    if place >= last:
+def _cell(position: float, last: int) -> int:
+    """Return the cell of a position in a table; the cells at its ends extend beyond them."""
+    if position >= last:
         return last
-    return int(place) if place > 0.0 else 0
+    return int(position) if position > 0.0 else 0
 
 
 @compiled
@@ -156,23 +156,23 @@ def _rates(
     agility: float,
 ) -> tuple[float, float]:
     """Return the derivatives of the speeds of engine and wheel."""
-    rpm = min(max(rpm, _IDLE), _MOST)
+    rpm = min(max(rpm, _IDLE), _MAXIMUM)
     plane = _PLANES[row, _cell((rpm - 800.0) * 0.0025, 9)]
     torque = plane[0] + plane[1] * throttle + (plane[2] + plane[3] * throttle) * rpm
     slip = ratio * wheel / rpm
     line = _LINES[_cell(slip * 100.0, 93)]
     root = rpm / (line[0] + line[1] * slip)
     load = root * root
-    faster = (torque - load) * _AGILITY
-    if (rpm <= _IDLE and faster < 0.0) or (rpm >= _MOST and faster > 0.0):
-        faster = 0.0
+    acceleration = (torque - load) * _AGILITY
+    if (rpm <= _IDLE and acceleration < 0.0) or (rpm >= _MAXIMUM and acceleration > 0.0):
+        acceleration = 0.0
     speed = _MPH * wheel
     friction = braking + drag * speed * speed
     if wheel < 0.0:
         friction = -friction
     elif wheel == 0.0:
         friction = 0.0
-    return faster, (ratio * load * (line[2] + line[3] * slip) - friction) * agility
+    return acceleration, (ratio * load * (line[2] + line[3] * slip) - friction) * agility
 
 
 @compiled
@@ -214,7 +214,7 @@ def _advance(
     c6 = 11.0 / 84.0
     x = rpm + h * (c1 * a1 + c3 * a3 + c4 * a4 + c5 * a5 + c6 * a6)
     y = wheel + h * (c1 * b1 + c3 * b3 + c4 * b4 + c5 * b5 + c6 * b6)
-    return min(max(x, _IDLE), _MOST), y
+    return min(max(x, _IDLE), _MAXIMUM), y
 
 
 @compiled
@@ -229,7 +229,7 @@ def _threshold(throttle: float, throttles: Floats, speeds: Floats) -> float:
 
 @compiled
 def _compare(throttle: float, state: Floats) -> None:
-    """Compare the speed with the thresholds of the gear, and shift when it is time."""
+    """Compare the speed with the thresholds of the gear, and shift if necessary."""
     speed = _MPH * state[_WHEEL]
     column = int(state[_GEAR]) - 1
     shift = 0.0
@@ -292,20 +292,20 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Plot speed, engine speed, gear and the two actions, one below the other."""
     from rtamt_gym.drawing import SIGNAL, tidy
 
-    panels = figure.subplots(5, 1, sharex=True, height_ratios=[1.6, 1.6, 1.1, 1.1, 1.1])
-    courses = [*episode.observations.T, *episode.actions.T]
+    plots = figure.subplots(5, 1, sharex=True, height_ratios=[1.6, 1.6, 1.1, 1.1, 1.1])
+    columns = [*episode.observations.T, *episode.actions.T]
     names = ["speed [mph]", "rpm", "gear", "throttle [%]", "brake [lb ft]"]
-    for ax, name, values in zip(panels, names, courses, strict=True):
+    for ax, name, values in zip(plots, names, columns, strict=True):
         tidy(ax, name)
         if len(values) == len(episode.times):
             ax.plot(episode.times, values, color=SIGNAL, linewidth=1.2)
-        else:  # of a step, which ends at the next sample
+        else:  # a value of a step, which ends at the next sample
             ax.stairs(values, episode.times, baseline=None, color=SIGNAL, linewidth=1.2)
-    panels[2].set_ylim(0.5, 4.5)
-    panels[2].set_yticks([1, 2, 3, 4])
-    panels[3].set_ylim(-5, 105)
-    panels[4].set_ylim(-16, 341)
-    panels[-1].set_xlabel("time [s]", fontsize=9.5)
+    plots[2].set_ylim(0.5, 4.5)
+    plots[2].set_yticks([1, 2, 3, 4])
+    plots[3].set_ylim(-5, 105)
+    plots[4].set_ylim(-16, 341)
+    plots[-1].set_xlabel("time [s]", fontsize=9.5)
 
 
 SCENARIO = Scenario(
@@ -318,7 +318,7 @@ SCENARIO = Scenario(
     actions=(Quantity("throttle", "%", 0.0, 100.0), Quantity("brake", "lb ft", 0.0, 325.0)),
     observations=(
         Quantity("speed", "mph", -10.0, 250.0),
-        Quantity("rpm", "rpm", _IDLE, _MOST),
+        Quantity("rpm", "rpm", _IDLE, _MAXIMUM),
         Quantity("gear", "", 1.0, 4.0),
     ),
     parameters=(
@@ -337,7 +337,7 @@ SCENARIO = Scenario(
             0.05,
             default=0.02,
             unit="lb ft/mph^2",
-            about="friction by the speed squared",
+            about="friction per speed squared",
         ),
     ),
     inputs=(Signal("throttle", 0.0, 100.0, points=7), Signal("brake", 0.0, 325.0, points=7)),
@@ -351,7 +351,7 @@ slow_engine = always[0:30](rpm < 3000)
 AT1 = always[0:20](speed < 120)
 AT2 = always[0:10](rpm < 4750)
 
-// A gear that is shifted into is kept for 2.5 s.
+// After a shift, the gear stays for 2.5 s.
 AT51 = always[0:30](not first and eventually[0.01:0.1] first
     implies eventually[0.01:0.1] always[0:2.5] first)
 AT52 = always[0:30](not second and eventually[0.01:0.1] second

@@ -1,12 +1,12 @@
-"""Five cars in a row, of which the last four each follow the one before (CC).
+"""Five cars in a row (CC): each of the last four follows the car before it.
 
 The positions y1 .. y5 run along one road. The cars drive towards smaller numbers, so that car 1
 leads and the gaps y2 - y1 .. y5 - y4 are positive. Throttle and brake drive car 1:
 
     v' = -throttle - brake v,   y' = v,   y(0) = v(0) = 0
 
-The others begin at rest, one every 10, and change between three modes with the gap to the car
-before:
+The others start at rest, 10 apart. Each has three modes, which depend on the gap to the car before
+it:
 
     =======  ====  ====  =====================================================
     mode     v'    y'    ends
@@ -16,31 +16,33 @@ before:
     Braking  -v     -v   in Chasing at gap >= 20
     =======  ====  ====  =====================================================
 
-They begin in Chasing, which a gap of 10 ends at once. That a car in Keeping drives backwards is as
-the benchmark has it. Its positions have no unit; they are read as metres here.
+They start in Chasing, which a gap of 10 ends at once. In the benchmark, too, a car in Keeping
+drives backwards. Its positions have no unit; here they are metres.
 
-**Solution.** No solver steps through a period: between two changes of mode each follower has a
-closed solution. Throttle and brake go in a line from the last action to the present one (the first
-step holds its action), and the speed of car 1 is then a power series in time. Its terms are added
-until the rest is below 1e-19 of the speed, at most 17 of them: 0.05 s is short. So a gap within a
-period is one polynomial, and the first time at which it reaches a guard is found to rounding. A
-period may have several changes of mode: followers only slow down by braking, and late in a run gaps
-swing between 10 and 15 faster than samples show. Rounding is the only error. Against an independent
-solver of order 8 with located events (tolerances 1e-12) the positions of random runs differ by less
-than 2e-11 over 100 s, and at full throttle, where y1 comes to -5000, by 1.2e-10.
+**Solution.** There is no solver with steps: between two changes of mode, each follower has a closed
+solution. Throttle and brake change linearly from the last action to the new one (the first step
+holds its action), so the speed of car 1 is a power series in time. Its terms are added until the
+remainder is below 1e-19 of the speed, at most 17 terms, because 0.05 s is short. A gap within a
+period is therefore a polynomial, and the first time at which it reaches a guard is exact up to
+rounding. A period may have several changes of mode: followers only slow down by braking, and late
+in a run gaps swing between 10 and 15 faster than samples show. Rounding is the only error. Compared
+with an independent solver of order 8 with event location (tolerances 1e-12), the positions of
+random runs differ by less than 2e-11 over 100 s. At full throttle, where y1 falls to -5000, they
+differ by 1.2e-10.
 
-Forward Euler does not do: with steps of 0.05 s 57 of 60 random inputs violate CC5, in truth one in
-forty does; with steps of 0.01 s followers are still up to 6 m from where they should be.
+Forward Euler is too inaccurate: with steps of 0.05 s, 57 of 60 random inputs violate CC5, and in
+truth one in forty does. With steps of 0.01 s, followers are still up to 6 m from their true
+positions.
 
-**Not validated:** the model solves the equations above; it was not compared with traces of the
-Simulink model. There the input of the first period goes in a line too, and guards are noticed as
-its solver steps.
+**Not validated:** the model solves the equations above, and was not compared with traces of the
+Simulink model. There, the input of the first period changes linearly too, and guards take effect at
+the steps of the solver.
 
-Source: J. Hu, J. Lygeros, S. Sastry: Towards a theory of stochastic hybrid systems, HSCC 2000, as
-the benchmark of the competition ARCH-COMP (falsification), from which requirements and inputs come.
-Instance 1 has 10 control points of each input over 100 s, joined by lines: the default search
-space. Instance 2 has 20 pieces of 5 s: ``Signal("throttle", 0, 1, points=20)``, the brake as well;
-as actions are joined by lines, a change at 5 s lasts until 5.05 s.
+Source: J. Hu, J. Lygeros, S. Sastry: Towards a theory of stochastic hybrid systems, HSCC 2000. The
+requirements and inputs are from the competition ARCH-COMP (falsification). Instance 1, the default
+search space, has 10 control points of each input over 100 s, joined by lines. Instance 2 has 20
+pieces of 5 s: ``Signal("throttle", 0, 1, points=20)``, and the same for the brake. Actions are
+joined by lines, so a change at 5 s lasts until 5.05 s.
 
     >>> import gymnasium as gym, rtamt_envs
     >>> cars = gym.make_vec("rtamt/ChasingCars-v0", num_envs=1)
@@ -65,16 +67,16 @@ if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
 
 
-_FINEST = 2.0**-30  # beside an extremum, intervals this short differ from their ends by rounding
+_SHORTEST = 2.0**-30  # in such short intervals next to an extremum, only rounding differs
 
 
 @compiled
-def _at(polynomial: Floats, length: int, at: float) -> tuple[float, float]:
+def _value(polynomial: Floats, length: int, argument: float) -> tuple[float, float]:
     """Return the value of a polynomial and its slope."""
     value, slope = 0.0, 0.0
     for power in range(length - 1, -1, -1):
-        slope = slope * at + value
-        value = value * at + float(polynomial[power])
+        slope = slope * argument + value
+        value = value * argument + float(polynomial[power])
     return value, slope
 
 
@@ -88,11 +90,11 @@ def _root(
     high: float,
     at_high: float,
 ) -> float:
-    """Return where a polynomial crosses a level, on a monotone interval with a crossing."""
+    """Return the argument at which a polynomial crosses a level, in a monotone interval."""
     rising = at_high > level
     estimate = low + (high - low) * (level - at_low) / (at_high - at_low)
     for _ in range(100):
-        value, slope = _at(polynomial, length, estimate)
+        value, slope = _value(polynomial, length, estimate)
         if (value > level) == rising:
             high = estimate
         else:
@@ -112,12 +114,12 @@ def _root(
 def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -> float:
     """Return the first argument from 0 to 1 at which a polynomial reaches a level.
 
-    A bound of the curvature shows where a crossing is possible, so none is missed, not even a
-    touch. Newton's method within a bracket then finds it up to rounding.
+    A bound of the curvature shows where a crossing is possible, so the search misses no crossing,
+    not even a touch. Newton's method within a bracket then locates it up to rounding.
 
     Args:
         polynomial: The coefficients, lowest power first.
-        length: The number of coefficients that count.
+        length: The number of coefficients.
         level: The level.
         sign: 1 to reach the level from above, -1 from below.
 
@@ -133,15 +135,15 @@ def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -
         return 0.0
     while low < 1.0:
         high = min(low + width, 1.0)
-        at_high, slope = _at(polynomial, length, high)
+        at_high, slope = _value(polynomial, length, high)
         if min(sign * (at_low - level), sign * (at_high - level)) > bend * width * width / 8.0:
-            low, at_low = high, at_high  # between its ends it is that much beyond its chord at most
+            low, at_low = high, at_high  # the polynomial is that close to its chord
             width *= 2.0
         elif abs(slope) > bend * width:  # monotone
             if sign * (at_high - level) <= 0.0:
                 return _root(polynomial, length, level, low, at_low, high, at_high)
             low, at_low = high, at_high
-        elif width > _FINEST:
+        elif width > _SHORTEST:
             width *= 0.5
         elif sign * (at_high - level) <= 0.0:
             return high
@@ -153,14 +155,14 @@ def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -
 _PERIOD = 0.05  # seconds
 _CARS = 5
 
-# Where the state holds what: positions, speeds, modes (0 of car 1), the last action, whether there
-# was one.
+# The indices of the state: positions, speeds, modes (0 for car 1), the last action, and whether
+# there was an action.
 _SPEED = _CARS
 _MODE = 2 * _CARS
 _THROTTLE = 3 * _CARS
 _BRAKE = _THROTTLE + 1
-_BEGUN = _BRAKE + 1
-_STATE = _BEGUN + 1
+_HAS_ACTION = _BRAKE + 1
+_STATE = _HAS_ACTION + 1
 
 # A mode ends when the gap is at most `_LOW` or at least `_HIGH`, in `_CLOSER` or `_FARTHER`.
 _CHASING, _KEEPING, _BRAKING = 0.0, 1.0, 2.0
@@ -169,8 +171,8 @@ _HIGH = (math.inf, 15.0, 20.0)
 _CLOSER = (_KEEPING, _BRAKING, _BRAKING)
 _FARTHER = (_CHASING, _CHASING, _CHASING)
 
-# A course: the position of a car, or a gap, over some time ahead as a polynomial in the share of it
-# that is over; lowest power first.
+# A course is the position of a car or a gap over a time ahead: a polynomial in the share of that
+# time, lowest power first.
 _LENGTH = 18  # at most; the speed of car 1 needs no power above 16
 _INVERSE = (0.0, *(1.0 / power for power in range(1, _LENGTH)))
 _DECAY_POWERS = 10  # of exp(-t) for t <= 0.05: the next one is below 1e-21
@@ -189,8 +191,8 @@ def _lead(
     """Fill the speed of car 1 over `time`, as a power series, for inputs that change linearly.
 
     Returns:
-        Its way, its change of speed, a bound of its distance meanwhile, and the length of the
-        series.
+        The way, the change of speed, a bound of the distance during the time, and the length of
+        the series.
     """
     small = 1e-19 * (abs(speed) + time * (abs(throttle) + abs(throttle_change)))
     earlier, term = 0.0, speed
@@ -215,7 +217,7 @@ def _lead(
 
 @compiled
 def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -> int:
-    """Add the series of a follower that keeps its mode, except its position, times the sign.
+    """Add the series of a follower in one mode, times the sign and without its position.
 
     Returns:
         The length of the series.
@@ -237,7 +239,7 @@ def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -
 
 @compiled
 def _advance(time: float, state: Floats) -> None:
-    """Move the followers, which keep their modes for `time`."""
+    """Move the followers for `time`, without changes of mode."""
     for car in range(1, _CARS):
         speed, mode = float(state[_SPEED + car]), state[_MODE + car]
         if mode == _CHASING:
@@ -273,7 +275,7 @@ def _switch(state: Floats) -> None:
 def _first_end(
     time: float, lead: Floats, lead_length: int, far: float, state: Floats, course: Floats
 ) -> tuple[float, int]:
-    """Return the share of `time` after which the first mode ends, and the car; 2 if none ends.
+    """Return the share of `time` after which the first mode ends, and the car; otherwise, 2.
 
     `far` is a bound of the way of car 1; `course` is overwritten.
     """
@@ -342,7 +344,7 @@ def _step(
 ) -> None:
     throttle, brake = float(action[0]), float(action[1])
     throttle_change, brake_change = 0.0, 0.0
-    if state[_BEGUN] == 1.0:
+    if state[_HAS_ACTION] == 1.0:
         throttle_change = throttle - float(state[_THROTTLE])
         brake_change = brake - float(state[_BRAKE])
     lead, course = np.empty(_LENGTH), np.empty(_LENGTH)
@@ -380,7 +382,7 @@ def _step(
             state[_MODE + car] = _CLOSER[mode] if near else _FARTHER[mode]
             _switch(state)
         remainder = remainder - time if share < 1.0 else 0.0
-    state[_THROTTLE], state[_BRAKE], state[_BEGUN] = throttle, brake, 1.0
+    state[_THROTTLE], state[_BRAKE], state[_HAS_ACTION] = throttle, brake, 1.0
     observation[:] = state[:_CARS]
 
 
@@ -395,22 +397,22 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Plot the gaps with their guards, and the inputs below."""
     from rtamt_gym.drawing import OPEN, SIGNAL, tidy
 
-    panels = figure.subplots(5, 1, sharex=True)
+    plots = figure.subplots(5, 1, sharex=True)
     gaps = np.diff(episode.observations, axis=1)
     for i in range(4):
-        ax = panels[3 - i]
+        ax = plots[3 - i]
         tidy(ax, f"y{i + 2} - y{i + 1} [m]")
         ax.plot(episode.times, gaps[:, i], color=SIGNAL, linewidth=1.0)
         for guard in (5.0, 10.0, 15.0, 20.0):
             ax.axhline(guard, color=OPEN, linewidth=0.7, linestyle=(0, (4, 3)))
-    tidy(panels[4], "input")
+    tidy(plots[4], "input")
     for name, values, colour in zip(
         ("throttle", "brake"), episode.actions.T, (SIGNAL, "#D55E00"), strict=True
     ):
-        panels[4].plot(episode.times[1:], values, color=colour, linewidth=1.2, label=name)
-    panels[4].set_ylim(-0.05, 1.05)
-    panels[4].legend(fontsize=8.5, frameon=False, ncols=2, loc="upper right")
-    panels[4].set_xlabel("time [s]", fontsize=9.5)
+        plots[4].plot(episode.times[1:], values, color=colour, linewidth=1.2, label=name)
+    plots[4].set_ylim(-0.05, 1.05)
+    plots[4].legend(fontsize=8.5, frameon=False, ncols=2, loc="upper right")
+    plots[4].set_xlabel("time [s]", fontsize=9.5)
 
 
 SCENARIO = Scenario(

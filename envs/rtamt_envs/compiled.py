@@ -11,9 +11,9 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 def compiled(function: _F) -> _F:
     """Compile a function with numba at its first call; store the code next to its file.
 
-    Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function stays as it
-    is: the same numbers to the last bit, some hundred times slower. A division by zero returns inf
-    or nan, as in NumPy, because loops would lose an exception.
+    Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function is unchanged:
+    it returns the same numbers to the last bit, some hundred times slower. A division by zero
+    returns inf or nan, as in NumPy, because compiled loops would lose an exception.
     """
     try:
         from numba import njit
@@ -25,7 +25,7 @@ def compiled(function: _F) -> _F:
 def in_loops(function: _F, kind: Literal["start", "step", "baseline"]) -> _F:
     """Return a function of a scenario as an argument of compiled loops.
 
-    Loops call it by its address, so they are compiled once for all scenarios.
+    Loops call it by address, so they are compiled once for all scenarios.
     """
     if not hasattr(function, "py_func"):
         return function

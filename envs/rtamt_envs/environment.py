@@ -21,8 +21,8 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
     """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")``.
 
     An episode never terminates; ``gym.make`` truncates it after the duration of the scenario, or
-    after ``max_episode_steps=``. The reward is 0; `rtamt_gym.StlReward` adds one. An
-    action out of bounds is clipped. Actions and observations are arrays of float64.
+    after ``max_episode_steps=``. The reward is 0; `rtamt_gym.StlReward` adds a reward. Actions out
+    of bounds are clipped. Actions and observations are arrays of float64.
 
     Attributes:
         scenario: The declaration, with units and source.
@@ -69,8 +69,8 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         self.observation_space = box(self.scenario.observations)
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
         self._entries = ScenarioBatch(self.scenario, self._defaults, 1)
-        self._seen: list[Floats] = []
-        self._acted: list[Floats] = []
+        self._observations: list[Floats] = []
+        self._actions: list[Floats] = []
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -89,8 +89,8 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         row = self.scenario.parameter_row(options or {}, self._defaults)
         super().reset(seed=seed)
         self._entries.start(_ONE, (self.np_random,), row[None])
-        self._seen, self._acted = [], []
-        return self._observed(), {}
+        self._observations, self._actions = [], []
+        return self._observation(), {}
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Make a step of ``dt`` seconds.
@@ -99,11 +99,11 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
             InputError: If the shape of the action is wrong, or it is nan; the state is unchanged.
             StateError: Before the first `reset`.
         """
-        acted = numbers(action, (len(self.scenario.actions),), self.scenario)
-        self._entries.step_first(acted, self.np_random)
+        array = numbers(action, (len(self.scenario.actions),), self.scenario)
+        self._entries.step_first(array, self.np_random)
         if self.render_mode:
-            self._acted.append(acted.copy())
-        return self._observed(), 0.0, False, False, {}
+            self._actions.append(array.copy())
+        return self._observation(), 0.0, False, False, {}
 
     def baseline(self, observation: object = None) -> Floats:  # noqa: ARG002 - as any policy
         """Return the action of the scenario's baseline: a policy for `simulate`."""
@@ -116,7 +116,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         Needs Matplotlib, the extra ``plot``.
         """
         if self.render_mode is None:
-            gym.logger.warn('to draw, make the environment with render_mode="rgb_array"')
+            gym.logger.warn('to draw, create the environment with render_mode="rgb_array"')
             return None
         try:
             from rtamt_envs.pictures import frame
@@ -130,23 +130,24 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         Raises:
             InputError: If the environment has no ``render_mode``, or no episode has started.
         """
-        if not self._seen:
+        if not self._observations:
             raise InputError(
-                "expected an episode of an environment with render_mode='rgb_array', got "
-                f"{'none' if self.render_mode else 'render_mode=None'}"
+                "no episode has started; call reset() first"
+                if self.render_mode
+                else "the environment records no episode; create it with render_mode='rgb_array'"
             )
         return EpisodeSoFar(
-            np.arange(len(self._seen), dtype=np.float64) * self.dt,
-            np.array(self._seen),
-            np.array(self._acted).reshape(-1, len(self.scenario.actions)),
+            np.arange(len(self._observations), dtype=np.float64) * self.dt,
+            np.array(self._observations),
+            np.array(self._actions).reshape(-1, len(self.scenario.actions)),
             self.parameters,
         )
 
-    def _observed(self) -> Floats:
-        seen: Floats = self._entries.observations[0].copy()
+    def _observation(self) -> Floats:
+        observation: Floats = self._entries.observations[0].copy()
         if self.render_mode:
-            self._seen.append(seen.copy())
-        return seen
+            self._observations.append(observation.copy())
+        return observation
 
 
 def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
@@ -157,7 +158,7 @@ def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
 
 
 def numbers(action: ArrayLike, shape: tuple[int, ...], scenario: Scenario) -> Floats:
-    """Return an action as an array of float64 of a shape, or raise an error."""
+    """Return an action as a float64 array of the shape, or raise an error."""
     names = ", ".join(quantity.name for quantity in scenario.actions)
     try:
         array = np.ascontiguousarray(action, np.float64)

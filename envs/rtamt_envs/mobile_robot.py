@@ -1,20 +1,20 @@
 """A robot on two wheels that follows velocity commands through two rooms.
 
-The robot is a disc. Every 0.1 s its twist, a speed ahead and a turn rate, follows the command: at
-once, or with a first-order ``lag`` in seconds, and with Gaussian ``noise``, whose standard
-deviation is this fraction of the twist. The pose is integrated exactly for a twist that is
-constant over the step: the robot drives an arc of a circle. A step that would end within a wall
-is not taken: the pose stays, and the twist still follows the command. Odometry is the pose and
-the twist at the end of the step. Wheels, inertia and range sensors are not modelled.
+The robot is a disc. Every 0.1 s its twist, a forward speed and a turn rate, follows the command: at
+once, or with a first-order ``lag`` in seconds. Gaussian ``noise`` has this fraction of the twist as
+its standard deviation. The pose is integrated exactly for a constant twist over the step: the robot
+drives an arc of a circle. If a step would end in a wall, the pose stays, and the twist still
+follows the command. Odometry is the pose and the twist at the end of the step. Wheels, inertia and
+range sensors are not modelled.
 
-This is how the simulator STDR moves a robot, and the paper requires ``follows`` of its first
-robot, driven by hand: it follows its commands within 0.5 m/s. The lag, the rooms, the
-other requirements and the baseline, which drives through the door to a desk and on to a dock, are
-made up here. No robot and no run of STDR were compared with it; its noise is as in the usual
-velocity model (S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005) without cross terms.
+The simulator STDR moves a robot like this. The paper requires ``follows`` of its first robot, which
+a person drives: it follows its commands within 0.5 m/s. The lag, the rooms, the other requirements
+and the baseline, which drives through the door to a desk and then to a dock, are inventions of this
+model. It was not compared with a robot or with runs of STDR. Its noise is the usual velocity model
+(S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005) without cross terms.
 
-:func:`unicycle`, :func:`clearance`, :func:`next_point` and :func:`drive` are the model and the
-baseline without their bookkeeping; `rtamt_ros.simulator` runs both as nodes of ROS.
+:func:`unicycle`, :func:`clearance`, :func:`next_point` and :func:`drive` are the functions of the
+model and the baseline; `rtamt_ros.simulator` runs both as nodes of ROS.
 
 Sources: D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020; the
 motion controller of the STDR simulator, 0.3.2.
@@ -53,9 +53,9 @@ OBSTACLES = np.array(
         [9.2, 0.0, 10.0, 1.6],  # cupboard
     ]
 )
-"""What stands in the rooms: rectangles (least x, least y, greatest x, greatest y), in metres."""
+"""Obstacles: rectangles (minimum x, minimum y, maximum x, maximum y), in metres."""
 ROUTE = np.array([[4.2, 3.5], [5.8, 3.6], [8.8, 5.6], [8.8, 2.6], [7.6, 1.2], [6.2, 1.0]])
-"""Where the baseline drives, one point after the other."""
+"""The points of the baseline, in order."""
 DESK, DOCK = ROUTE[2], ROUTE[5]
 REACHED = 0.2
 """A point is reached at this distance, in metres."""
@@ -71,7 +71,7 @@ X, Y, TURNED, SPEED, TURN, POINT = range(6)  # of the state; speed and turn are 
 def unicycle(
     x: float, y: float, heading: float, v: float, w: float, seconds: float
 ) -> tuple[float, float, float]:
-    """Return the pose after some seconds of a constant twist, exactly: an arc of a circle.
+    """Return the exact pose after an arc of a circle, with a constant twist.
 
     Args:
         x: Metres.
@@ -82,8 +82,7 @@ def unicycle(
         seconds: The duration.
 
     Returns:
-        x, y, and the heading in (-pi, pi], if it was there before and the robot turns less than
-        once.
+        x, y, and the heading, which stays in (-pi, pi] if the robot turns less than once.
     """
     half = 0.5 * w * seconds
     # The chord of the arc; the series is exact to the last bit for such a small angle.
@@ -112,7 +111,7 @@ def clearance(x: float, y: float) -> float:
 
 @compiled
 def next_point(x: float, y: float, point: int) -> int:
-    """Return the index of the next point of `ROUTE`: the following one once this is reached."""
+    """Return the index of the next point of `ROUTE`, one higher if this point is reached."""
     ahead, left = ROUTE[point, 0] - x, ROUTE[point, 1] - y
     reached = ahead * ahead + left * left <= REACHED * REACHED
     return point + 1 if reached and point < ROUTE.shape[0] - 1 else point
@@ -133,7 +132,7 @@ def _observe(v: float, w: float, state: Array, observation: Array) -> None:
 
 
 @compiled
-def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - a robot at rest has none
+def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - a robot at rest has no noise
     """Start at rest, without a command."""
     state[X] = parameters[START_X]
     state[Y] = parameters[START_Y]
@@ -148,7 +147,7 @@ def _start(parameters: Array, noise: Array, state: Array, observation: Array) ->
 
 @compiled
 def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """Follow the command with the twist, and move unless a wall is in the way."""
+    """Update the twist, and move unless a wall is in the way."""
     fade = math.exp(-PERIOD / parameters[LAG]) if parameters[LAG] > 0.0 else 0.0
     state[SPEED] = action[0] + fade * (state[SPEED] - action[0])
     state[TURN] = action[1] + fade * (state[TURN] - action[1])
@@ -167,7 +166,7 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 
 @compiled
 def drive(x: float, y: float, heading: float, goal_x: float, goal_y: float) -> tuple[float, float]:
-    """Return the command towards a goal: turn to it and drive, slower while turning; stop there.
+    """Return the command towards a goal: turn and drive, slower while turning; stop at the goal.
 
     Returns:
         Forward speed in m/s, turn rate in rad/s.
@@ -182,7 +181,7 @@ def drive(x: float, y: float, heading: float, goal_x: float, goal_y: float) -> t
 
 
 @compiled
-def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
+def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it needs the observation only
     """Drive to the next point."""
     action[0], action[1] = drive(
         observation[0], observation[1], observation[2], observation[8], observation[9]
@@ -216,9 +215,9 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     speed.legend(loc="upper right", fontsize=8.5, frameon=False, ncols=2)
 
 
-def _to(place: Array) -> str:
-    """Return the distance of the robot to a place, as a term."""
-    return f"sqrt(pow(x - {place[0]:g}, 2) + pow(y - {place[1]:g}, 2))"
+def _to(point: Array) -> str:
+    """Return the distance of the robot to a point, as a term."""
+    return f"sqrt(pow(x - {point[0]:g}, 2) + pow(y - {point[1]:g}, 2))"
 
 
 SCENARIO = Scenario(
@@ -248,9 +247,11 @@ SCENARIO = Scenario(
         Parameter(
             "noise", 0.0, 0.5, default=0.05, about="standard deviation, relative to the twist"
         ),
-        Parameter("start_x", 0.6, 2.4, default=1.2, unit="m", about="where the robot begins"),
-        Parameter("start_y", 0.6, 2.4, default=1.2, unit="m", about="where the robot begins"),
-        Parameter("start_heading", -3.1, 3.1, default=0.0, unit="rad", about="where it looks then"),
+        Parameter("start_x", 0.6, 2.4, default=1.2, unit="m", about="position at the start"),
+        Parameter("start_y", 0.6, 2.4, default=1.2, unit="m", about="position at the start"),
+        Parameter(
+            "start_heading", -3.1, 3.1, default=0.0, unit="rad", about="heading at the start"
+        ),
     ),
     inputs=(Signal("linear", -1.0, 1.0, points=12), Signal("angular", -2.0, 2.0, points=12)),
     requirements=f"""

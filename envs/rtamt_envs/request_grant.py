@@ -1,20 +1,20 @@
 """Requests of a client and the grants of a server: the smallest example of inputs and outputs.
 
-The server grants what was requested ``delay`` seconds ago, ``limit`` at the most, with Gaussian
-noise. Requests are the input of the requirement, grants its output: with interface-aware semantics
-(``semantics="output-robustness"``, ``"input-vacuity"``) its robustness tells whose doing it is that
-it holds. Requests and grants are levels without a unit.
+The server grants the request of ``delay`` seconds ago, at most ``limit``, with Gaussian noise.
+Requests are the input of the requirement, and grants are its output. With interface-aware semantics
+(``semantics="output-robustness"``, ``"input-vacuity"``), robustness shows whether the input or the
+output satisfies the requirement. Requests and grants are levels without a unit.
 
 The baseline requests a ``height`` for ``length`` seconds. The four signals of the paper are
 
-* (a) no parameters set: request 6, grant 6; robustness 3,
-* (b) ``height=2``: a request too low to count, robustness 1, which vacuity tells from (a),
+* (a) default parameters: request 6, grant 6; robustness 3,
+* (b) ``height=2``: a request below the level that counts; robustness 1, and vacuous, unlike (a),
 * (c) ``limit=1``: request 6, grant 1; robustness -2,
-* (d) ``height=4, limit=1``: robustness -1, while the output falls short by 2.
+* (d) ``height=4, limit=1``: robustness -1, while the output is 2 too low.
 
 Source: T. Yamaguchi, B. Hoxha, D. Nickovic: RTAMT - Runtime Robustness Monitors with Application to
-CPS and Robotics, STTT 2024, the figure of the four signals. The paper draws signals; that a server
-with a delay makes them is an assumption of this model, and its noise is not validated.
+CPS and Robotics, STTT 2024, the figure of the four signals. The paper only draws signals. The
+server with a delay is an assumption of this model, and its noise is not validated.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PERIOD = 0.1
 LONGEST = 10.0
 """The longest delay, in seconds."""
 KEPT = round(LONGEST / PERIOD) + 1
-"""How many requests the state keeps."""
+"""The number of requests in the state."""
 
 COUNTS = 3.0
 """The level from which a request and a grant count."""
@@ -81,8 +81,8 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - a client does not wait for grants
     """Make one request, at the samples nearest to its time."""
     since = time + PERIOD - parameters[ONSET] + PERIOD / 2.0
-    stands = 0.0 <= since < parameters[LENGTH]
-    action[0] = parameters[HEIGHT] if stands else 0.0
+    lasts = 0.0 <= since < parameters[LENGTH]
+    action[0] = parameters[HEIGHT] if lasts else 0.0
 
 
 def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
@@ -112,11 +112,11 @@ SCENARIO = Scenario(
     observations=(Quantity("req", "", 0.0, 8.0), Quantity("gnt", "", 0.0, math.inf)),
     parameters=(
         Parameter("delay", 0.0, LONGEST, default=4.0, unit="s", about="from request to grant"),
-        Parameter("limit", 0.0, 8.0, default=8.0, about="the greatest grant"),
+        Parameter("limit", 0.0, 8.0, default=8.0, about="the largest grant"),
         Parameter("noise", 0.0, 1.0, default=0.0, about="standard deviation of the grants"),
-        Parameter("height", 0.0, 8.0, default=6.0, about="what the baseline requests"),
-        Parameter("onset", 0.0, 10.0, default=2.0, unit="s", about="when the baseline does"),
-        Parameter("length", 0.0, 10.0, default=2.0, unit="s", about="how long the baseline does"),
+        Parameter("height", 0.0, 8.0, default=6.0, about="the request of the baseline"),
+        Parameter("onset", 0.0, 10.0, default=2.0, unit="s", about="the start of this request"),
+        Parameter("length", 0.0, 10.0, default=2.0, unit="s", about="the duration of this request"),
     ),
     inputs=(Signal("request", 0.0, 8.0, points=15),),
     requirements=f"""

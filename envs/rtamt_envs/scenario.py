@@ -1,10 +1,9 @@
 """The declaration of a scenario, and the table of all scenarios.
 
-To add a scenario: a file in this folder with its ``SCENARIO``, and a row of `SCENARIOS`, which
-registers it and puts it under ``tests/rtamt_envs/test_contract.py``. Add ``test_NAME.py`` and, for
-the second model that shares no code with it, ``test_validation_NAME.py`` in ``tests/rtamt_envs``
-and a file in ``tests/support/models``. Add a row to the table of scenarios in
-``docs/simulations.md``.
+To add a scenario, add a file to this folder with its ``SCENARIO``, and a row to `SCENARIOS`, which
+registers it and tests it in ``tests/rtamt_envs/test_contract.py``. Add ``test_NAME.py`` and, for a
+second model that shares no code with it, ``test_validation_NAME.py`` in ``tests/rtamt_envs`` and a
+file in ``tests/support/models``. Add a row to the table of scenarios in ``docs/simulations.md``.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ SCENARIOS: dict[str, tuple[str, int]] = {
     "RequestGrant": ("request_grant", 150),
     "TwoServiceRobots": ("two_service_robots", 600),
 }
-"""The module of each scenario and the steps of its episodes, by name. The modules are imported
-when an environment is made: they import numba."""
+"""The module of each scenario and the steps of its episodes, by name. Modules are imported only
+when an environment is created, because they import numba."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -91,7 +90,8 @@ class Scenario:
         duration: Seconds of an episode.
         actions: The components of an action.
         observations: The components of an observation.
-        requirements: The text of a ``.stl`` file; each formula that no other uses is a requirement.
+        requirements: The text of a ``.stl`` file; formulas that no other formula uses are
+            requirements.
         state: The size of a state. Discrete state is stored as whole numbers.
         start: ``start(parameters, noise, state, observation)`` starts an episode.
         step: ``step(action, parameters, noise, state, observation)`` makes a step of a period.
@@ -99,7 +99,8 @@ class Scenario:
         parameters: Free parameters, initial states and times of faults, each with its default.
         inputs: The waveforms of actions for a search.
         noise: The number of standard normal random numbers per step.
-        draw: Draws an episode into a figure of Matplotlib; None plots each observation.
+        draw: A function that draws an episode into a figure of Matplotlib; None plots each
+            observation.
     """
 
     name: str
@@ -139,25 +140,25 @@ class Scenario:
         """The default of each parameter."""
         return np.array([parameter.default for parameter in self.parameters], np.float64)
 
-    def parameter_row(self, given: Mapping[str, Any], base: Floats) -> Floats:
+    def parameter_row(self, values: Mapping[str, Any], base: Floats) -> Floats:
         """Return a copy of ``base`` with some parameters replaced; shape (..., parameters).
 
         Args:
-            given: A number for each name, or an array with a number per environment.
+            values: A number for each name, or an array with a number per environment.
             base: The parameters of one environment or of many.
 
         Raises:
             InputError: If a parameter is unknown, or a value has a wrong shape or is nan.
-            InputTypeError: If ``given`` is not a mapping, or a value is not a number.
+            InputTypeError: If ``values`` is not a mapping, or a value is not a number.
         """
-        if not isinstance(given, Mapping):
+        if not isinstance(values, Mapping):
             raise InputTypeError(
                 f"expected parameters of {self.id} as a mapping from names to numbers, got "
-                f"{given!r}"
+                f"{values!r}"
             )
         row = base.copy()
         names = [parameter.name for parameter in self.parameters]
-        for name, value in given.items():
+        for name, value in values.items():
             if name not in names:
                 has = f"the parameters are {listing(names)}" if names else "it has none"
                 raise InputError(
@@ -187,7 +188,7 @@ class Scenario:
 
 
 def scenario_of(name: str) -> Scenario:
-    """Return the scenario of a name, such as ``"ChasingCars"``, or raise InputError."""
+    """Return the scenario with a name, such as ``"ChasingCars"``, or raise InputError."""
     if name not in SCENARIOS:
         raise InputError(
             f"unknown scenario {name!r}{nearest(name, SCENARIOS)}; there are {listing(SCENARIOS)}"
@@ -197,7 +198,7 @@ def scenario_of(name: str) -> Scenario:
 
 
 class Declared:
-    """The attributes that an environment and its vector form take from their scenario."""
+    """The attributes of a scenario that its environment and its vector environment share."""
 
     scenario: Scenario
 

@@ -24,7 +24,7 @@ class ScenarioBatch:
 
     Attributes:
         parameters: The parameters of each episode, shape (n, parameters).
-        observations: The last observation of each, shape (n, observations).
+        observations: The last observation of each episode, shape (n, observations).
         steps: The number of steps of each episode, shape (n,); -1 before the first.
     """
 
@@ -33,40 +33,40 @@ class ScenarioBatch:
         self._low = np.array([action.low for action in scenario.actions])
         self._high = np.array([action.high for action in scenario.actions])
         self._states = np.zeros((num, scenario.state))
-        self._unkept = np.zeros((0, num, len(scenario.observations)))
+        self._no_record = np.zeros((0, num, len(scenario.observations)))
         self.parameters = np.tile(parameters, (num, 1))
         self.observations = np.zeros((num, len(scenario.observations)))
         self.steps = np.full(num, -1, np.int64)
 
-    def start(self, chosen: Bools, generators: _Generators, parameters: Floats) -> None:
-        """Start episodes in the chosen simulations, with their rows of parameters."""
-        self.parameters[chosen] = parameters[chosen]
-        self.steps[chosen] = 0
-        noise = self._noise(1, chosen, generators)
+    def start(self, selected: Bools, generators: _Generators, parameters: Floats) -> None:
+        """Start episodes in the selected simulations, with their rows of parameters."""
+        self.parameters[selected] = parameters[selected]
+        self.steps[selected] = 0
+        noise = self._noise(1, selected, generators)
         _start(
             _functions(self._scenario)[0],
             self.parameters,
             noise,
-            chosen,
+            selected,
             self._states,
             self.observations,
         )
 
-    def step(self, actions: Floats, chosen: Bools, generators: _Generators) -> None:
-        """Make a step in the chosen simulations; actions of shape (n, actions).
+    def step(self, actions: Floats, selected: Bools, generators: _Generators) -> None:
+        """Make a step in the selected simulations; actions of shape (n, actions).
 
         Raises:
             InputError: If an action is nan; the state is unchanged.
             StateError: If an episode has not started.
         """
-        self._act(actions[None], chosen, generators, self._unkept)
+        self._act(actions[None], selected, generators, self._no_record)
 
     def step_first(self, action: Floats, generator: np.random.Generator) -> None:
-        """Make a step in the first simulation, without the loop over all."""
+        """Make a step in the first simulation, without a compiled loop."""
         if self.steps[0] < 0:
-            self._refuse_unbegun(_FIRST)
+            self._check_started(_FIRST)
         if np.isnan(action).any():
-            self._refuse_nan(action[None, None], _FIRST)
+            self._check_numbers(action[None, None], _FIRST)
         applied = np.minimum(np.maximum(action, self._low), self._high)
         noise = generator.standard_normal(self._scenario.noise)
         self._scenario.step(
@@ -74,19 +74,19 @@ class ScenarioBatch:
         )
         self.steps[0] += 1
 
-    def roll(self, actions: Floats, chosen: Bools, generators: _Generators) -> Floats:
+    def roll(self, actions: Floats, selected: Bools, generators: _Generators) -> Floats:
         """Make steps with actions of shape (steps, n, actions).
 
         Returns:
-            The observations after each step, shape (steps, n, observations); nan where not chosen.
+            The observations after each step, shape (steps, n, observations); nan if not selected.
         """
         record = np.full((len(actions), *self.observations.shape), np.nan)
-        self._act(actions, chosen, generators, record)
+        self._act(actions, selected, generators, record)
         return record
 
-    def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
+    def follow(self, steps: int, selected: Bools, generators: _Generators) -> Floats:
         """Make steps as `roll` does, under the baseline of the scenario."""
-        self._refuse_unbegun(chosen)
+        self._check_started(selected)
         record = np.full((steps, *self.observations.shape), np.nan)
         _, step, baseline = _functions(self._scenario)
         _follow(
@@ -95,8 +95,8 @@ class ScenarioBatch:
             self._scenario.period,
             np.zeros(len(self._low)),
             self.parameters,
-            self._noise(steps, chosen, generators),
-            chosen,
+            self._noise(steps, selected, generators),
+            selected,
             self.steps,
             self._states,
             self.observations,
@@ -106,54 +106,56 @@ class ScenarioBatch:
 
     def baseline(self) -> Floats:
         """Return the actions of the baseline at the last observations, shape (n, actions)."""
-        self._refuse_unbegun(np.ones(len(self.steps), np.bool_))
+        self._check_started(np.ones(len(self.steps), np.bool_))
         actions = np.zeros((len(self.steps), len(self._low)))
         for entry, action in enumerate(actions):
             time = int(self.steps[entry]) * self._scenario.period
             self._scenario.baseline(time, self.observations[entry], self.parameters[entry], action)
         return actions
 
-    def _act(self, actions: Floats, chosen: Bools, generators: _Generators, record: Floats) -> None:
-        """Make steps; store the observations if ``made`` has room for them."""
-        self._refuse_unbegun(chosen)
+    def _act(
+        self, actions: Floats, selected: Bools, generators: _Generators, record: Floats
+    ) -> None:
+        """Make steps; store the observations if ``record`` has room."""
+        self._check_started(selected)
         if np.isnan(actions).any():
-            self._refuse_nan(actions, chosen)
+            self._check_numbers(actions, selected)
         _roll(
             _functions(self._scenario)[1],
             actions,
             self._low,
             self._high,
             self.parameters,
-            self._noise(len(actions), chosen, generators),
-            chosen,
+            self._noise(len(actions), selected, generators),
+            selected,
             self.steps,
             self._states,
             self.observations,
             record,
         )
 
-    def _refuse_unbegun(self, chosen: Bools) -> None:
-        """Raise StateError if a chosen simulation has no episode."""
-        unbegun = chosen & (self.steps < 0)
-        if unbegun.any():
-            where = f" in environment {int(unbegun.argmax())}" if len(chosen) > 1 else ""
+    def _check_started(self, selected: Bools) -> None:
+        """Raise StateError if a selected simulation has no episode."""
+        waiting = selected & (self.steps < 0)
+        if waiting.any():
+            where = f" in environment {int(waiting.argmax())}" if len(selected) > 1 else ""
             raise StateError(f"no episode of {self._scenario.id} runs{where}; call reset() first")
 
-    def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
-        """Raise InputError if an action of a chosen simulation is nan."""
-        for step, entry, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
+    def _check_numbers(self, actions: Floats, selected: Bools) -> None:
+        """Raise InputError if an action of a selected simulation is nan."""
+        for step, entry, index in np.argwhere(np.isnan(actions) & selected[:, None]):
             where = f" of step {step}" if len(actions) > 1 else ""
-            where += f" in environment {entry}" if len(chosen) > 1 else ""
+            where += f" in environment {entry}" if len(selected) > 1 else ""
             raise InputError(
                 f"expected a number as action {self._scenario.actions[index].name!r}{where}, "
                 "got nan"
             )
 
-    def _noise(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
-        """Return random numbers, shape (steps, n, noise), each from its own generator."""
-        noise = np.zeros((steps, len(chosen), self._scenario.noise))
+    def _noise(self, steps: int, selected: Bools, generators: _Generators) -> Floats:
+        """Return random numbers, shape (steps, n, noise); each simulation has its own generator."""
+        noise = np.zeros((steps, len(selected), self._scenario.noise))
         if self._scenario.noise:
-            for entry in np.flatnonzero(chosen).tolist():
+            for entry in np.flatnonzero(selected).tolist():
                 noise[:, entry] = generators[entry].standard_normal(noise[:, entry].shape)
         return noise
 
@@ -173,12 +175,12 @@ def _start(
     start: Callable[..., None],
     parameters: Floats,
     noise: Floats,
-    chosen: Bools,
+    selected: Bools,
     states: Floats,
     observations: Floats,
 ) -> None:
     for entry in range(len(states)):
-        if chosen[entry]:
+        if selected[entry]:
             start(parameters[entry], noise[0, entry], states[entry], observations[entry])
 
 
@@ -190,23 +192,23 @@ def _roll(
     high: Floats,
     parameters: Floats,
     noise: Floats,
-    chosen: Bools,
+    selected: Bools,
     steps: NDArray[np.int64],
     states: Floats,
     observations: Floats,
     record: Floats,
 ) -> None:
-    """Step each simulation through its actions; store the observations if ``made`` has room."""
+    """Step each simulation through its actions; store the observations if ``record`` has room."""
     applied = np.empty(len(low))
     for entry in range(len(states)):
-        if chosen[entry]:
-            seen = observations[entry]
+        if selected[entry]:
+            observation = observations[entry]
             for k in range(len(actions)):
                 for i in range(len(low)):
                     applied[i] = min(max(actions[k, entry, i], low[i]), high[i])
-                step(applied, parameters[entry], noise[k, entry], states[entry], seen)
+                step(applied, parameters[entry], noise[k, entry], states[entry], observation)
                 if k < len(record):
-                    record[k, entry] = seen
+                    record[k, entry] = observation
             steps[entry] += len(actions)
 
 
@@ -218,17 +220,17 @@ def _follow(
     action: Floats,
     parameters: Floats,
     noise: Floats,
-    chosen: Bools,
+    selected: Bools,
     steps: NDArray[np.int64],
     states: Floats,
     observations: Floats,
     record: Floats,
 ) -> None:
     for entry in range(len(states)):
-        if chosen[entry]:
-            seen = observations[entry]
+        if selected[entry]:
+            observation = observations[entry]
             for k in range(len(record)):
-                baseline(steps[entry] * period, seen, parameters[entry], action)
-                step(action, parameters[entry], noise[k, entry], states[entry], seen)
-                record[k, entry] = seen
+                baseline(steps[entry] * period, observation, parameters[entry], action)
+                step(action, parameters[entry], noise[k, entry], states[entry], observation)
+                record[k, entry] = observation
                 steps[entry] += 1

@@ -1,7 +1,8 @@
-"""A steam condenser whose pressure a recurrent network holds with the flow of cooling water (SC).
+"""A steam condenser (SC): a recurrent network controls its pressure by the flow of cooling water.
 
-Steam comes in at Fs [kg/s], the action, and condenses on tubes through which Fcw [kg/s] of water
-flow. With the volume V = 3, the mass of water Mcw = 500 and its temperature Tcw = 60 at the inlet:
+The action is the flow of steam Fs [kg/s]. The steam condenses on tubes with a flow of water Fcw
+[kg/s]. With the volume V = 3, the mass of water Mcw = 500 and its temperature Tcw = 60 at the
+inlet:
 
     P' = 0.461526 / V (Fs - Fc) Tc(P)             pressure of the steam [kPa], P(0) = 90
     T' = (Q / 4.2 + (Tcw - T) Fcw) / Mcw          water at the outlet [deg C], T(0) = 80
@@ -10,26 +11,26 @@ flow. With the volume V = 3, the mass of water Mcw = 500 and its temperature Tcw
     Fc = Q / lambda(P)                            condensate [kg/s]
 
 Tables over 50 .. 110 kPa, with lines between their points, give the temperature of condensation Tc
-[deg C] and the heat of evaporation lambda [kJ/kg]. A sensor with a lag of 0.5 s reads p; the
-requirement is about this reading, which is the fourth output of the original. The controller takes
-p less the setpoint (90 kPa, from 2 s on the parameter ``setpoint``): a layer of three neurons,
-whose outputs return through two lags 1 / (s + 10) in a row. Its command, limited to 0 .. 200 kg/s,
-is followed by Fcw with a lag of 1 s. At the start p is 90 kPa, Fcw is 107.888 kg/s and the lags of
+[deg C] and the heat of evaporation lambda [kJ/kg]. A sensor with a lag of 0.5 s reads p. The
+requirement is about this reading, the fourth output of the original. The controller takes p minus
+the setpoint (90 kPa; from 2 s on, the parameter ``setpoint``). It is a layer of three neurons with
+feedback of their outputs through two lags 1 / (s + 10). Fcw follows its command, limited to
+0 .. 200 kg/s, with a lag of 1 s. At the start p is 90 kPa, Fcw is 107.888 kg/s and the lags of
 the layer are 0.
 
-**Solver.** The classical method of Runge and Kutta in steps of a period, 0.01 s. The action is held
-over a period and the setpoint changes at a sample, so nothing jumps within a step; only the slopes
-of the tables do, where P passes 90 kPa. From a solver of order 8 (tolerances 1e-13) the pressure
-differs, at every quarter second of ten random runs, by at most 1.2e-6 kPa with steps of 0.05 s,
-7.7e-8 with 0.025 s, 1.4e-8 with 0.01 s and 1.8e-9 with 0.005 s; at no sample by more than 4e-8.
+**Solver.** The classical Runge-Kutta method with steps of a period, 0.01 s. The action is constant
+over a period and the setpoint changes at a sample, so within a step only the slopes of the tables
+jump, when P passes 90 kPa. At every quarter second of ten random runs, the pressure differs from a
+solver of order 8 (tolerances 1e-13) by at most 1.2e-6 kPa with steps of 0.05 s, 7.7e-8 with
+0.025 s, 1.4e-8 with 0.01 s and 1.8e-9 with 0.005 s. No sample differs by more than 4e-8.
 
-**Not validated:** the Simulink model was not run, nor is the physics more than the benchmark's:
-volume, masses and tables are taken as they stand.
+**Not validated:** the Simulink model was not run, and volume, masses and tables are those of the
+benchmark.
 
 Source: S. Yaghoubi, G. Fainekos: Gray-box adversarial testing for control systems with machine
-learning components, HSCC 2019, as the benchmark of the competition ARCH-COMP (falsification), from
-which requirement and inputs come: 20 even pieces over 35 s within 3.99 .. 4.01 kg/s. No input that
-violates the requirement is known.
+learning components, HSCC 2019. The requirement and the inputs are from the competition ARCH-COMP
+(falsification): 20 even pieces over 35 s within 3.99 .. 4.01 kg/s. No input that violates the
+requirement is known.
 
     >>> import gymnasium as gym, rtamt_envs
     >>> condenser = gym.make_vec("rtamt/SteamCondenser-v0", num_envs=1)
@@ -57,22 +58,22 @@ _PERIOD = 0.01  # seconds
 _STEP = 200.0  # samples, after which the setpoint changes
 _FLOW = 107.8880952381  # kg/s, at the start and where the controller's output is 0
 
-# Where the state holds what; the number of samples since the start comes last.
+# The indices of the state; the number of samples since the start is last.
 _P, _T, _MEASURED, _FCW, _DELAYS = 0, 1, 2, 3, 4
 _ORDER = 10
 _SAMPLES = _ORDER
 _STATE = _ORDER + 1
 
-# The Runge-Kutta method: the weights of its four stages, and where the next stage is.
+# The Runge-Kutta method: the weights of its four stages, and the times of the next stages.
 _WEIGHTS = (_PERIOD / 6.0, _PERIOD / 3.0, _PERIOD / 3.0, _PERIOD / 6.0)
-_PLACES = (_PERIOD / 2.0, _PERIOD / 2.0, _PERIOD)
+_TIMES = (_PERIOD / 2.0, _PERIOD / 2.0, _PERIOD)
 
 _CONDENSATION = (81.3167, 85.9258, 89.9315, 93.4854, 96.6870, 99.6059, 102.2923)  # degC
 _EVAPORATION = (2305.42, 2293.64, 2283.30, 2274.05, 2265.65, 2257.92, 2250.76)  # kJ/kg
 
-# The controller: the bias of each neuron, its weights of the input, of the output and of the lags.
-_ERROR = (-3.7742393716738434, 5.7997431225043385)  # kPa that -1 and 1 stand for
-_COMMAND = (-30.855068745036114, 66.87926496596293)  # kg/s that -1 and 1 stand for
+# The controller: for each neuron the bias, and the weights of the input, the output and the lags.
+_ERROR = (-3.7742393716738434, 5.7997431225043385)  # kPa at -1 and 1
+_COMMAND = (-30.855068745036114, 66.87926496596293)  # kg/s at -1 and 1
 _BIAS = (0.401290502963486, -0.12475735064274925, -1.3584541012442735)
 _INPUT = (-0.36932254958803395, 0.37111199431650393, -0.5273628058411883)
 _OUTPUT = (-0.22749313555095124, 2.0804767759906643, -0.5664480988620816)
@@ -107,7 +108,7 @@ _LAYER = (
 
 @compiled
 def _between(table: tuple[float, ...], pressure: float) -> float:
-    """Interpolate a table over 50 .. 110 kPa; its last lines extend beyond the ends."""
+    """Interpolate a table over 50 .. 110 kPa; the lines at its ends extend beyond them."""
     position = (pressure - 50.0) / 10.0
     row = min(max(int(position), 0), 5)
     return table[row] + (position - row) * (table[row + 1] - table[row])
@@ -115,7 +116,7 @@ def _between(table: tuple[float, ...], pressure: float) -> float:
 
 @compiled
 def _heat(pressure: float, temperature: float, flow: float) -> float:
-    """Return the heat that the cooling water takes, in kW."""
+    """Return the heat into the cooling water, in kW."""
     condensation = _between(_CONDENSATION, pressure)
     mean = (temperature - 60.0) / math.log((condensation - 60.0) / (condensation - temperature))
     return mean / (0.0872924756541668 / math.pow(flow, 0.8) + 0.00073786772008033)
@@ -178,13 +179,13 @@ def _step(
 ) -> None:
     setpoint = _setpoint(parameters, state)
     steam = float(action[0])
-    at, rates, total = np.empty(_ORDER), np.empty(_ORDER), np.zeros(_ORDER)
-    at[:] = state[:_ORDER]
+    point, rates, total = np.empty(_ORDER), np.empty(_ORDER), np.zeros(_ORDER)
+    point[:] = state[:_ORDER]
     for stage in range(4):
-        _rates(steam, setpoint, at, rates)
+        _rates(steam, setpoint, point, rates)
         total += _WEIGHTS[stage] * rates
         if stage < 3:
-            at[:] = state[:_ORDER] + _PLACES[stage] * rates
+            point[:] = state[:_ORDER] + _TIMES[stage] * rates
     state[:_ORDER] += total
     state[_SAMPLES] += 1.0
     _observe(parameters, state, observation)
@@ -192,7 +193,7 @@ def _step(
 
 @compiled
 def _baseline(time: float, observation: Floats, parameters: Floats, action: Floats) -> None:  # noqa: ARG001 - as every scenario's
-    """Let in a steady 4 kg/s."""
+    """Set a constant flow of 4 kg/s."""
     action[0] = 4.0
 
 

@@ -1,20 +1,21 @@
-"""Two service robots that carry things between stations of one room, and keep apart.
+"""Two service robots that carry things between stations of a room, and keep a distance.
 
 The robots are discs that roll in any direction. The velocity of each follows its command as a
-first-order system with time constant ``lag``, solved exactly for a command that is constant over
-the step; Gaussian ``noise`` with that standard deviation, in m/s, is added to the commands. Walls
-stop a robot. The robots do not stop each other: where they overlap, the requirement ``apart`` has
-seen it. The first robot goes between kitchen and desk, the second between shelf and door, so that
-their ways cross in the middle of the room. The positions are what a requirement reads.
+first-order system with time constant ``lag``, solved exactly for a constant command over the step.
+Gaussian ``noise`` with this standard deviation, in m/s, is added to the commands. Walls stop a
+robot. The robots do not stop each other: if they overlap, the requirement ``apart`` is violated.
+The first robot goes between kitchen and desk, the second between shelf and door, so their paths
+cross in the middle of the room. Requirements read the positions.
 
-The baseline goes straight to the next station, and within ``caution`` metres of the other robot
-it gives way to the right.
+The baseline goes straight to the next station. Within ``caution`` metres of the other robot, it
+gives way to the right.
 
-:func:`parallel_env` is the same as a parallel environment of PettingZoo, with one agent a robot.
+:func:`parallel_env` is the scenario as a parallel environment of PettingZoo, with an agent per
+robot.
 
 Source: two robots in one room are the second case study of D. Nickovic, T. Yamaguchi: RTAMT: Online
 Robustness Monitors from STL, ATVA 2020. The room, the dynamics, the numbers and the baseline
-are made up here; nothing of them is validated against a robot.
+are inventions of this model, and were not compared with a robot.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ if TYPE_CHECKING or find_spec("pettingzoo"):
 else:
 
     class ParallelEnv:
-        """The class of PettingZoo, if it is not installed."""
+        """A stand-in for the class of PettingZoo if it is not installed."""
 
 
 PERIOD = 0.1
@@ -54,18 +55,18 @@ WIDTH, HEIGHT = 8.0, 6.0
 """The walls are at 0 and WIDTH, 0 and HEIGHT, in metres."""
 NAMES = ("kitchen", "desk", "shelf", "door")
 STATIONS = np.array([[1.0, 1.0], [7.0, 5.0], [1.0, 5.0], [7.0, 1.0]])
-"""The first robot goes between the first two, the second between the others; in metres."""
+"""The first two are the stations of the first robot, the others of the second; in metres."""
 REACHED = 0.2
 """A station is reached at this distance, in metres."""
 
 APART = 0.8
-"""What the requirement asks for between the centres of the robots, in metres."""
+"""The required distance between the centres of the robots, in metres."""
 
 OTHER = "#D55E00"
 """The colour of the second robot."""
 
-LAG, NOISE, SPEED, CAUTION, START = range(5)  # START is the first of four
-VELOCITY, STATION = 4, 8  # of the state, after the positions; the station is the first or second
+LAG, NOISE, SPEED, CAUTION, START = range(5)  # four parameters begin at START
+VELOCITY, STATION = 4, 8  # indices of the state, after the positions; a station is 0 or 1
 
 
 @compiled
@@ -80,7 +81,7 @@ def _observe(state: Array, observation: Array) -> None:
 
 
 @compiled
-def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - robots at rest have none
+def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - robots at rest have no noise
     """Start at rest; each robot goes to its second station first."""
     for i in range(4):
         state[i] = parameters[START + i]
@@ -92,14 +93,14 @@ def _start(parameters: Array, noise: Array, state: Array, observation: Array) ->
 
 @compiled
 def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
-    """Follow the commands with the velocities, exactly; walls stop a robot."""
+    """Update the velocities exactly, and move; walls stop a robot."""
     lag = parameters[LAG]
     fade = math.exp(-PERIOD / lag) if lag > 0.0 else 0.0
     for i in range(4):
         command = action[i] + parameters[NOISE] * noise[i]
-        lacking = state[VELOCITY + i] - command
-        position = state[i] + command * PERIOD + lacking * lag * (1.0 - fade)
-        velocity = command + lacking * fade
+        error = state[VELOCITY + i] - command
+        position = state[i] + command * PERIOD + error * lag * (1.0 - fade)
+        velocity = command + error * fade
         end = (WIDTH if i % 2 == 0 else HEIGHT) - RADIUS
         if position < RADIUS:
             position, velocity = RADIUS, 0.0
@@ -117,7 +118,7 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
 
 
 @compiled
-def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
+def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it does not need the time
     """Go straight to the station; near the other robot, give way to the right."""
     for robot in range(2):
         x, y = observation[2 * robot], observation[2 * robot + 1]
@@ -141,24 +142,24 @@ def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
 
     from rtamt_gym.drawing import SIGNAL, tidy
 
-    room, over = figure.subplots(2, 1, height_ratios=[2.6, 1.0])
+    room, distance = figure.subplots(2, 1, height_ratios=[2.6, 1.0])
     tidy(room, "y [m]")
     room.set(xlabel="x [m]", aspect="equal", xlim=(0, WIDTH), ylim=(0, HEIGHT))
     for name, (x, y) in zip(NAMES, STATIONS, strict=True):
         room.plot(x, y, "s", color="0.7", markersize=9)
         below = -17 if y < HEIGHT / 2 else 9
         room.annotate(name, (x, y), (0, below), textcoords="offset points", ha="center")
-    places = episode.observations[:, :4]
+    positions = episode.observations[:, :4]
     for robot, colour in enumerate((SIGNAL, OTHER)):
-        x, y = places[:, 2 * robot : 2 * robot + 2].T
+        x, y = positions[:, 2 * robot : 2 * robot + 2].T
         room.plot(x, y, color=colour, linewidth=1.0, label=f"robot {robot + 1}")
         room.add_patch(Circle((x[-1], y[-1]), RADIUS, color=colour, alpha=0.6))
     room.legend(loc="upper center", fontsize=8.5, frameon=False, ncols=2)
-    tidy(over, "distance [m]")
-    gaps = np.hypot(places[:, 0] - places[:, 2], places[:, 1] - places[:, 3])
-    over.plot(episode.times, gaps, color="k", linewidth=1.0)
-    over.axhline(APART, color="0.5", linestyle="--", linewidth=0.8)
-    over.set(xlabel="time [s]", xlim=(0, SCENARIO.duration), ylim=(0, None))
+    tidy(distance, "distance [m]")
+    gaps = np.hypot(*(positions[:, :2] - positions[:, 2:]).T)
+    distance.plot(episode.times, gaps, color="k", linewidth=1.0)
+    distance.axhline(APART, color="0.5", linestyle="--", linewidth=0.8)
+    distance.set(xlabel="time [s]", xlim=(0, SCENARIO.duration), ylim=(0, None))
 
 
 def _to(robot: int, station: int) -> str:
@@ -172,7 +173,7 @@ SCENARIO = Scenario(
     title="Two service robots in a room",
     source=(
         "D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020 "
-        "(two robots in a room; the model is made up)"
+        "(two robots in a room; the model is not from the paper)"
     ),
     period=PERIOD,
     duration=60.0,
@@ -197,19 +198,27 @@ SCENARIO = Scenario(
         Parameter(
             "noise", 0.0, 0.3, default=0.02, unit="m/s", about="standard deviation of the commands"
         ),
-        Parameter("speed", 0.2, 1.0, default=0.8, unit="m/s", about="of the baseline"),
+        Parameter("speed", 0.2, 1.0, default=0.8, unit="m/s", about="speed of the baseline"),
         Parameter(
             "caution",
             0.0,
             2.5,
             default=1.5,
             unit="m",
-            about="where the baseline begins to give way",
+            about="distance at which the baseline gives way",
         ),
-        Parameter("start_x1", 0.5, 2.0, default=1.0, unit="m", about="where robot 1 begins"),
-        Parameter("start_y1", 0.5, 2.0, default=1.0, unit="m", about="where robot 1 begins"),
-        Parameter("start_x2", 0.5, 2.0, default=1.0, unit="m", about="where robot 2 begins"),
-        Parameter("start_y2", 4.0, 5.5, default=5.0, unit="m", about="where robot 2 begins"),
+        Parameter(
+            "start_x1", 0.5, 2.0, default=1.0, unit="m", about="position of robot 1 at the start"
+        ),
+        Parameter(
+            "start_y1", 0.5, 2.0, default=1.0, unit="m", about="position of robot 1 at the start"
+        ),
+        Parameter(
+            "start_x2", 0.5, 2.0, default=1.0, unit="m", about="position of robot 2 at the start"
+        ),
+        Parameter(
+            "start_y2", 4.0, 5.5, default=5.0, unit="m", about="position of robot 2 at the start"
+        ),
     ),
     inputs=(
         Signal("vx1", -1.0, 1.0, points=12),
@@ -237,12 +246,12 @@ SCENARIO = Scenario(
 
 
 class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
-    """The two robots as agents of a parallel environment, in the form of PettingZoo.
+    """The two robots as agents of a parallel environment of PettingZoo.
 
     The agents are ``"robot_1"`` and ``"robot_2"``. An action is the commanded velocity (vx, vy) in
     m/s. An observation has the positions of the agent, of its next station and of the other robot:
     (x, y, next x, next y, other x, other y) in metres. Rewards are 0; the time limit truncates the
-    episode of both. PettingZoo need not be installed.
+    episode of both. It also works without PettingZoo.
 
     Attributes:
         requirements: The requirements of the scenario by name, for ``ParallelStlMonitor``.
@@ -260,7 +269,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
     def __init__(
         self, parameters: Mapping[str, float] | None = None, render_mode: str | None = None
     ) -> None:
-        import gymnasium as gym  # here, as the robots run on ROS without it
+        import gymnasium as gym  # here, because the robots run on ROS without it
         from gymnasium import spaces
 
         self._env = gym.make(
@@ -276,12 +285,12 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
             for index, axis in enumerate(("x", "y", "next_x", "next_y"))
         }
         self.dt = PERIOD
-        far = np.array([WIDTH, HEIGHT])
-        self._seen = {
-            agent: spaces.Box(np.zeros(6), np.tile(far, 3), dtype=np.float64)
+        corner = np.array([WIDTH, HEIGHT])
+        self._observation_spaces = {
+            agent: spaces.Box(np.zeros(6), np.tile(corner, 3), dtype=np.float64)
             for agent in self.possible_agents
         }
-        self._done = {
+        self._action_spaces = {
             agent: spaces.Box(-1.0, 1.0, (2,), np.float64) for agent in self.possible_agents
         }
 
@@ -292,11 +301,11 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
 
     def observation_space(self, agent: str) -> spaces.Box:
         """Return the observation space of an agent, in metres."""
-        return self._seen[agent]
+        return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
         """Return the action space of an agent, in m/s along x and y."""
-        return self._done[agent]
+        return self._action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -312,13 +321,13 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
             InputError: If a parameter is unknown, is not a number, or is among the options
                 themselves.
         """
-        chosen = options or {}
-        for name in {parameter.name for parameter in SCENARIO.parameters} & set(chosen):
+        own_options = options or {}
+        for name in {parameter.name for parameter in SCENARIO.parameters} & set(own_options):
             raise InputError(
                 f"{name!r} is a parameter; write options={{'parameters': {{{name!r}: "
-                f"{chosen[name]!r}}}}}"
+                f"{own_options[name]!r}}}}}"
             )
-        parameters = chosen.get("parameters")
+        parameters = own_options.get("parameters")
         joint, info = self._env.reset(seed=seed, options=parameters)
         self.agents = [*self.possible_agents]
         return self._split(joint), {agent: dict(info) for agent in self.agents}
@@ -336,26 +345,26 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
 
         Raises:
             StateError: Before :meth:`reset`, and after the end of an episode.
-            InputError: If an agent has no action, or the scenario refuses one.
+            InputError: If an agent has no action, or an action is wrong.
         """
-        here = self.agents
-        if not here:
+        agents = self.agents
+        if not agents:
             raise StateError("no episode runs; call reset() first")
-        if set(actions) != set(here):
+        if set(actions) != set(agents):
             raise InputError(
-                f"expected an action of {' and '.join(here)}, got actions of "
+                f"expected an action of {' and '.join(agents)}, got actions of "
                 f"{', '.join(map(str, actions)) or 'none'}"
             )
-        action = np.concatenate([actions[agent] for agent in here])
+        action = np.concatenate([actions[agent] for agent in agents])
         joint, reward, terminated, truncated, info = self._env.step(action)
         if terminated or truncated:
             self.agents = []
         return (
             self._split(joint),
-            dict.fromkeys(here, float(reward)),
-            dict.fromkeys(here, terminated),
-            dict.fromkeys(here, truncated),
-            {agent: dict(info) for agent in here},
+            dict.fromkeys(agents, float(reward)),
+            dict.fromkeys(agents, terminated),
+            dict.fromkeys(agents, truncated),
+            {agent: dict(info) for agent in agents},
         )
 
     def state(self) -> Array:
@@ -381,7 +390,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
 def parallel_env(
     parameters: Mapping[str, float] | None = None, render_mode: str | None = None
 ) -> ParallelRobots:
-    """Make the two robots as a parallel environment, as modules of PettingZoo do.
+    """Return the two robots as a parallel environment, like a module of PettingZoo.
 
     Example:
         >>> import numpy as np

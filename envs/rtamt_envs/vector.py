@@ -38,7 +38,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         max_episode_steps: The steps of an episode; ``gym.make_vec`` takes them from the scenario.
         parameters: Values of parameters in all episodes, by name.
         autoreset_mode: When a truncated environment starts a new episode, as in Gymnasium.
-        render_mode: None; `ScenarioEnv` draws.
+        render_mode: None; only `ScenarioEnv` draws.
 
     Raises:
         InputError: If a parameter is unknown, or its value is not a number.
@@ -56,8 +56,8 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         self.scenario = scenario_of(scenario)
         if render_mode is not None:
             raise InputError(
-                f"expected render_mode None for many environments, got {render_mode!r}; "
-                f'gym.make({self.scenario.id!r}, render_mode="rgb_array") draws one'
+                f"a vector environment has no render_mode={render_mode!r}; draw an environment of "
+                f'gym.make({self.scenario.id!r}, render_mode="rgb_array")'
             )
         if num_envs < 1:
             raise InputError(f"expected num_envs of 1 or more, got {num_envs}")
@@ -92,18 +92,19 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Args:
             seed: Environment i gets ``seed + i``, or element i of a sequence. None continues the
                 random numbers.
-            options: Values of parameters by name, a number for all or an array with one for each;
-                and ``"reset_mask"``, an array of booleans that selects the environments to reset.
+            options: Values of parameters by name, a number or an array with a number per
+                environment; and ``"reset_mask"``, an array of booleans that selects the
+                environments to reset.
 
         Raises:
-            InputError: If seeds, a mask or a parameter do not fit.
+            InputError: If the seeds, the mask or a parameter are wrong.
         """
         values: Any = options or {}
         mask = None
         if isinstance(values, Mapping):
             mask = values.get("reset_mask")
             values = {name: value for name, value in values.items() if name != "reset_mask"}
-        chosen = self._mask("options['reset_mask']", mask)
+        selected = self._mask("options['reset_mask']", mask)
         row = self.scenario.parameter_row(values, np.tile(self._defaults, (self.num_envs, 1)))
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, SupportsIndex):
@@ -112,11 +113,11 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
             raise InputError(
                 f"expected a seed for each of {self.num_envs} environments, got {len(seeds)}"
             )
-        for entry in np.flatnonzero(chosen).tolist():
+        for entry in np.flatnonzero(selected).tolist():
             if seeds[entry] is not None:
                 self._generators[entry] = gym.utils.seeding.np_random(seeds[entry])[0]
-        self._entries.start(chosen, self._generators, row)
-        self._ended[chosen] = False
+        self._entries.start(selected, self._generators, row)
+        self._ended[selected] = False
         return self._entries.observations.copy(), {}
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Bools, Bools, dict[str, Any]]:
@@ -126,18 +127,18 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
             actions: An array of shape (num_envs, actions).
 
         Raises:
-            InputError: If the shape of the actions is wrong, or one is nan; the state is unchanged.
-                If an episode has ended, and ``autoreset_mode`` leaves its reset to the caller.
+            InputError: If the shape of the actions is wrong, or an action is nan; the state is
+                unchanged. If an episode has ended, and the caller must reset it.
             StateError: Before the first `reset`.
         """
-        acted = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
+        array = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
         begins = self._ended.copy()
         if self.autoreset_mode is AutoresetMode.DISABLED and begins.any():
             raise InputError(
                 f"environment {int(begins.argmax())} has ended; reset it with "
                 "options={'reset_mask': ...} before the next step"
             )
-        self._entries.step(acted, ~begins, self._generators)
+        self._entries.step(array, ~begins, self._generators)
         self._begin(begins)
         truncated = self._entries.steps >= self._limit
         self._ended = truncated.copy()
@@ -150,8 +151,9 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
             info |= {"final_info": {}, "_final_info": truncated.copy()}
             self._begin(truncated)
             self._ended[:] = False
-        none = np.zeros(self.num_envs, np.bool_)
-        return self._entries.observations.copy(), np.zeros(self.num_envs), none, truncated, info
+        terminated = np.zeros(self.num_envs, np.bool_)
+        rewards = np.zeros(self.num_envs)
+        return self._entries.observations.copy(), rewards, terminated, truncated, info
 
     def rollout(self, actions: ArrayLike | int, active: ArrayLike | None = None) -> Floats:
         """Make many steps in one call, without autoreset or time limit, for searches.
@@ -171,33 +173,35 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
                 nan; the state is unchanged.
             StateError: Before the first `reset` of an active environment.
         """
-        chosen = self._mask("active", active)
+        selected = self._mask("active", active)
         if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):
             if int(actions) < 0:
                 raise InputError(f"expected a number of steps of 0 or more, got {int(actions)}")
-            return self._entries.follow(int(actions), chosen, self._generators)
+            return self._entries.follow(int(actions), selected, self._generators)
         steps = len(np.atleast_1d(np.asarray(actions)))
         shape = steps, self.num_envs, len(self.action_names)
-        return self._entries.roll(numbers(actions, shape, self.scenario), chosen, self._generators)
+        return self._entries.roll(
+            numbers(actions, shape, self.scenario), selected, self._generators
+        )
 
     def baseline(self, observations: object = None) -> Floats:  # noqa: ARG002 - as any policy
         """Return the actions of the baseline, shape (num_envs, actions)."""
         return self._entries.baseline()
 
-    def _begin(self, chosen: Bools) -> None:
+    def _begin(self, selected: Bools) -> None:
         """Start episodes with the default parameters, as `ScenarioEnv.reset` without options."""
-        if chosen.any():
+        if selected.any():
             defaults = np.tile(self._defaults, (self.num_envs, 1))
-            self._entries.start(chosen, self._generators, defaults)
+            self._entries.start(selected, self._generators, defaults)
 
-    def _mask(self, what: str, mask: ArrayLike | None) -> Bools:
+    def _mask(self, name: str, mask: ArrayLike | None) -> Bools:
         """Return the environments that a mask selects; None selects all."""
         if mask is None:
             return self._all
         mask = np.asarray(mask)
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
             raise InputError(
-                f"expected {what} as {self.num_envs} booleans, got {mask.dtype} of shape "
+                f"expected {name} as {self.num_envs} booleans, got {mask.dtype} of shape "
                 f"{mask.shape}"
             )
         return mask

@@ -7,7 +7,7 @@ from rtamt_arrays.episode import EpisodeArrays
 from rtamt_arrays.inputs import ArraySample, Spec, program_of, traces
 from rtamt_arrays.jax.operations import JaxOperations, JaxReader
 from rtamt_arrays.layout import BoundsReading, EpisodeState
-from rtamt_arrays.offline import RobustnessSemantics, evaluated, lattice_of, smoothing_error
+from rtamt_arrays.offline import RobustnessSemantics, lattice_of, robustness_of, smoothing_error
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
 
@@ -34,7 +34,7 @@ def online(
         spec: Text, a formula, or a parsed specification.
         period: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; by default that of JAX, float32 unless x64 is enabled.
+        dtype: The dtype of floats; by default JAX's, which is float32 unless x64 is enabled.
 
     Raises:
         SpecificationError: As for `rtamt.Monitor`.
@@ -60,7 +60,7 @@ def episode(
 ) -> EpisodeArrays:
     """Return `rtamt.VectorEpisodeMonitor` as pure functions: robustness, bounds and verdicts.
 
-    The arguments are those of `online`.
+    The arguments are the same as for `online`.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, or if more than eight
@@ -96,15 +96,15 @@ def evaluate(
             of shape (..., samples, variables).
         period: As for `rtamt.evaluate`.
         align: As for `rtamt.evaluate`.
-        dtype: The kind of floats; by default that of JAX.
+        dtype: The dtype of floats; by default JAX's.
         semantics: "standard"; or "smooth", which has a gradient everywhere and the error that
             `smoothing_error` bounds.
         temperature: For "smooth", a number above 0 or an array of shape (). The error is
             proportional to it.
 
     Returns:
-        An array of shape (..., samples). All of a trace is nan if a variable or a term is nan, or
-        if the temperature is an array that is not finite and above 0.
+        An array of shape (..., samples). A trace has nan everywhere if a variable or a term is nan
+        anywhere, or if the temperature is an array that is not finite and above 0.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period.
@@ -128,4 +128,4 @@ def evaluate(
     lattice = lattice_of(operations, reader, semantics, temperature)
     program = program_of(spec, period, align, online=False)
     values = traces(program, reader, signals)
-    return evaluated(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)
+    return robustness_of(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)

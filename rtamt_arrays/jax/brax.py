@@ -1,7 +1,7 @@
 """Requirements for environments of Brax and MuJoCo Playground.
 
-The wrapper belongs between the wrapper that counts the steps of an episode and the one that resets.
-`training_wrapper` puts it there, as the ``wrap_env_fn`` of Brax's learners.
+`StlWrapper` belongs between the wrapper that counts the steps of an episode and the wrapper that
+resets. `training_wrapper` puts it there, as the ``wrap_env_fn`` of Brax's learners.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from brax.envs.base import Wrapper
 from brax.envs.wrappers import training
 
 from rtamt import InputError
-from rtamt_arrays.jax.wrapping import JaxRequirements, as_period, of_one, one
+from rtamt_arrays.jax.wrapping import JaxRequirements, as_batch, as_period, only_entry
 from rtamt_arrays.judging import JudgedStep, RequirementOptions
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -47,8 +47,8 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
     Args:
         env: An environment in `VmapWrapper` and `EpisodeWrapper`.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
-        signals: What the variables read: see `rtamt_arrays.selectors`.
-        dtype: The kind of floats of the monitors; by default that of JAX.
+        signals: The selector of each variable; see `rtamt_arrays.selectors`.
+        dtype: The dtype of the monitors; by default JAX's.
         **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             the environment's ``dt`` times its ``action_repeat``.
 
@@ -102,10 +102,10 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
     def step(self, state: Any, action: jax.Array) -> Any:  # noqa: ANN401 - a state of Brax or of Playground
         """Step all environments; where an episode starts, take sample 0 first."""
         inner = self._without(state)
-        # Only the number of steps reveals a reset: the resetting wrapper has cleared `done`, and
-        # resets all, some or none of the info.
+        # Only the number of steps shows a reset: the resetting wrapper has cleared `done`, and may
+        # have reset all, some or no keys of the info.
         first = inner.info["steps"] == 0
-        stl, _ = self._requirements.begin(of_one(state.info[_STATE]), _reset_step(inner), first)
+        stl, _ = self._requirements.begin(only_entry(state.info[_STATE]), _reset_step(inner), first)
         after = self.env.step(inner, action)
         truncated = after.info["truncation"] > 0
         ended = after.done > 0
@@ -123,11 +123,11 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         return {**size, KEY: (width,)} if isinstance(size, Mapping) else size + width
 
     def _ended(self, state: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - a state
-        """End the episodes that a violation ends, in the sums over episodes too."""
+        """End episodes after a violation, also in the sums over episodes."""
         kind = state.done.dtype
         over = (judged.terminated | judged.truncated).astype(kind)
         info = dict(state.info)
-        cut = judged.truncated & ~judged.terminated  # as Brax counts them
+        cut = judged.truncated & ~judged.terminated  # Brax counts only these as truncated
         info["truncation"] = cut.astype(info["truncation"].dtype)
         if "episode_done" in info:
             info["episode_done"] = over
@@ -137,15 +137,15 @@ class StlWrapper(Wrapper):  # type: ignore[misc]  # Brax is untyped
         return state.replace(done=over, reward=judged.reward, info=info)
 
     def _with(self, state: Any, stl: Any, judged: JudgedStep) -> Any:  # noqa: ANN401 - states
-        obs = self._requirements.shown(state.obs, judged.features)
+        obs = self._requirements.observation(state.obs, judged.features)
         # A first axis of length 1: wrappers that reset infos treat a first axis of the length of
         # the batch as the batch.
-        info = {**state.info, **judged.info, _STATE: one(stl)}
+        info = {**state.info, **judged.info, _STATE: as_batch(stl)}
         metrics = {**state.metrics, **self._judge.metrics(judged)}
         return state.replace(obs=obs, info=info, metrics=metrics)
 
     def _without(self, state: Any) -> Any:  # noqa: ANN401 - states
-        """Return the inner state: the environment adds up all metrics that it receives."""
+        """Return the inner state; the environment would add up metrics that are not its own."""
         obs, judge = state.obs, self._judge
         if judge.observes and isinstance(obs, Mapping):
             obs = {key: value for key, value in obs.items() if key != KEY}
@@ -171,7 +171,7 @@ def training_wrapper(
 ) -> Callable[..., Any]:
     """Return the ``wrap_env_fn`` of a learner of Brax: its own wrappers, with `StlWrapper` inside.
 
-    The arguments are those of `StlWrapper`. Environments of Playground get Playground's resets.
+    The arguments are the same as for `StlWrapper`. Environments of Playground get its resets.
 
     Example:
         >>> from brax.training.agents.ppo import train as ppo
@@ -188,14 +188,14 @@ def training_wrapper(
     ) -> Any:  # noqa: ANN401 - of Brax or of Playground
         is_playground = hasattr(env, "mjx_model")
         if randomization_fn is None:
-            many: Any = training.VmapWrapper(env)
+            batch: Any = training.VmapWrapper(env)
         elif is_playground:
             from mujoco_playground._src import wrapper as playground
 
-            many = playground.BraxDomainRandomizationVmapWrapper(env, randomization_fn)
+            batch = playground.BraxDomainRandomizationVmapWrapper(env, randomization_fn)
         else:
-            many = training.DomainRandomizationVmapWrapper(env, randomization_fn)
-        counted = training.EpisodeWrapper(many, episode_length, action_repeat)
+            batch = training.DomainRandomizationVmapWrapper(env, randomization_fn)
+        counted = training.EpisodeWrapper(batch, episode_length, action_repeat)
         judged = StlWrapper(counted, specs, signals, dtype=dtype, **options)
         if is_playground:
             from mujoco_playground._src import wrapper as playground

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from gymnasium.experimental.functional import FuncEnv
 
-from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
+from rtamt_arrays.jax.wrapping import JaxRequirements, as_batch, only_entry, period_of
 from rtamt_arrays.judging import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -26,9 +26,9 @@ class StlFuncState(NamedTuple):
     Attributes:
         env: The state of the environment.
         stl: The state of the requirements.
-        features: The features that ``observe="state"`` appends to the observation.
+        features: The features of ``observe="state"``.
         reward: The shaped reward of the last step.
-        terminated: Whether the environment or a violation ends the episode here.
+        terminated: Whether the environment or a violation has ended the episode.
         info: The keys of the info.
     """
 
@@ -65,7 +65,7 @@ class _States:
 class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     """Monitor the episodes of a functional environment, on the device.
 
-    ``initial`` takes sample 0 and ``transition`` each further one; ``reward``, ``terminal``,
+    ``initial`` takes sample 0, and ``transition`` each further sample; ``reward``, ``terminal``,
     ``state_info`` and ``transition_info`` return the results. The infos have the keys of
     `rtamt_arrays.jax.brax.StlWrapper`. The environment has no time limit, so
     ``on_violation="truncate"`` is an error. It works in `FunctionalJaxEnv`,
@@ -74,8 +74,8 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     Args:
         env: The functional environment.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
-        signals: What the variables read: see `rtamt_arrays.selectors`.
-        dtype: The kind of floats of the monitors; by default that of JAX.
+        signals: The selector of each variable; see `rtamt_arrays.selectors`.
+        dtype: The dtype of the monitors; by default JAX's.
         **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             ``tau`` or ``dt`` of the default parameters.
 
@@ -120,7 +120,9 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         more = self._params(params)
         inner = self._env.initial(rng, *more)
         obs = self._env.observation(inner, rng, *more)
-        step = ArrayStep(one(obs), None, None, self._env.state_info(inner, *more), one(inner))
+        step = ArrayStep(
+            as_batch(obs), None, None, self._env.state_info(inner, *more), as_batch(inner)
+        )
         return _state(inner, *self._requirements.first(step))
 
     def transition(
@@ -137,14 +139,14 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         reward = self._env.reward(state.env, action, inner, rng, *more)
         terminated = jnp.asarray(self._env.terminal(inner, rng, *more), dtype=bool)
         info = self._env.transition_info(state.env, action, inner, *more)
-        step = one(ArrayStep(obs, action, reward, info, inner))
+        step = as_batch(ArrayStep(obs, action, reward, info, inner))
         never = jnp.zeros(1, dtype=bool)
         return _state(inner, *self._requirements.step(state.stl, step, terminated[None], never))
 
     def observation(self, state: StlFuncState, rng: Any, params: Any = None) -> Any:  # noqa: ANN401
         """Return the environment's observation, with ``observe="state"`` appended."""
         obs = self._env.observation(state.env, rng, *self._params(params))
-        return of_one(self._requirements.shown(one(obs), state.features[None]))
+        return only_entry(self._requirements.observation(as_batch(obs), state.features[None]))
 
     def reward(
         self,
@@ -158,7 +160,7 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return next_state.reward
 
     def terminal(self, state: StlFuncState, rng: Any, params: Any = None) -> jax.Array:  # noqa: ANN401, ARG002
-        """Return whether the environment or a violation ends the episode here."""
+        """Return whether the environment or a violation has ended the episode."""
         return state.terminated
 
     def state_info(self, state: StlFuncState, params: Any = None) -> dict[str, Any]:  # noqa: ANN401
@@ -186,5 +188,5 @@ class StlFuncEnv(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
 
 def _state(inner: Any, stl: RequirementState, judged: Any) -> StlFuncState:  # noqa: ANN401 - states
-    result = of_one(judged)
+    result = only_entry(judged)
     return StlFuncState(inner, stl, result.features, result.reward, result.terminated, result.info)

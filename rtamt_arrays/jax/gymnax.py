@@ -11,7 +11,7 @@ from gymnax.environments import spaces
 from gymnax.environments.environment import Environment
 
 from rtamt import InputError
-from rtamt_arrays.jax.wrapping import JaxRequirements, of_one, one, period_of
+from rtamt_arrays.jax.wrapping import JaxRequirements, as_batch, only_entry, period_of
 from rtamt_arrays.judging import RequirementOptions, RequirementState
 from rtamt_arrays.selectors import ArrayStep
 from rtamt_gym.judging.specs import SpecsLike
@@ -44,9 +44,9 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
     Args:
         env: The environment.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
-        signals: What the variables read: see `rtamt_arrays.selectors`. Infos have no value at a
-            reset; a pair sets one: ``("info['discount']", 1.0)``.
-        dtype: The kind of floats of the monitors; by default that of JAX.
+        signals: The selector of each variable; see `rtamt_arrays.selectors`. Infos have no value at
+            a reset; a pair sets one: ``("info['discount']", 1.0)``.
+        dtype: The dtype of the monitors; by default JAX's.
         **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             ``tau`` or ``dt`` of the default parameters.
 
@@ -86,21 +86,21 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
     def reset_env(self, key: jax.Array, params: Any) -> tuple[Any, StlEnvState]:  # noqa: ANN401
         """Reset the environment; its observation is sample 0."""
         obs, inner = self._env.reset_env(key, params)
-        step = ArrayStep(one(obs), None, None, {}, one(inner))
+        step = ArrayStep(as_batch(obs), None, None, {}, as_batch(inner))
         stl, judged = self._requirements.first(step)
-        shown = of_one(self._requirements.shown(one(obs), judged.features))
-        return shown, StlEnvState(inner, stl, jnp.zeros((), dtype=bool))
+        extended = only_entry(self._requirements.observation(as_batch(obs), judged.features))
+        return extended, StlEnvState(inner, stl, jnp.zeros((), dtype=bool))
 
     def step_env(self, key: jax.Array, state: StlEnvState, action: Any, params: Any) -> Any:  # noqa: ANN401
         """Step the environment and judge the step."""
         obs, inner, reward, terminated, info = self._env.step_env(key, state.env, action, params)
         truncated = self._env.is_truncated(inner, params)
-        step = one(ArrayStep(obs, action, reward, info, inner))
-        stl, judged = self._requirements.step(state.stl, step, *one((terminated, truncated)))
-        result = of_one(judged)
+        step = as_batch(ArrayStep(obs, action, reward, info, inner))
+        stl, judged = self._requirements.step(state.stl, step, *as_batch((terminated, truncated)))
+        result = only_entry(judged)
         following = StlEnvState(inner, stl, result.truncated)
-        shown = of_one(self._requirements.shown(one(obs), judged.features))
-        return shown, following, result.reward, result.terminated, {**info, **result.info}
+        extended = only_entry(self._requirements.observation(as_batch(obs), judged.features))
+        return extended, following, result.reward, result.terminated, {**info, **result.info}
 
     def is_truncated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
         """Return whether a time limit or a violation has truncated the episode."""
@@ -108,7 +108,7 @@ class StlEnvironment(Environment):  # type: ignore[misc]  # gymnax is untyped
         return truncated
 
     def is_terminated(self, state: StlEnvState, params: Any) -> jax.Array:  # noqa: ANN401
-        """Return whether the environment itself terminates here."""
+        """Return whether the environment itself has terminated the episode."""
         terminated: jax.Array = self._env.is_terminated(state.env, params)
         return terminated
 

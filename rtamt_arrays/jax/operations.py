@@ -23,7 +23,7 @@ class JaxOperations:
         return jnp.full(shape, value, dtype)
 
     def constant(self, values: Sequence[float], dtype: object) -> Tensor:
-        # An array of JAX that is made during a trace belongs to that trace only.
+        # An array that JAX creates during a trace belongs to that trace only.
         return np.asarray(values, jnp.dtype(dtype))
 
     def arange(self, begin: int, end: int) -> Tensor:
@@ -44,7 +44,7 @@ class JaxOperations:
     stack = staticmethod(jnp.stack)
 
     def abs(self, x: Tensor) -> Tensor:
-        # At 0 the gradient of JAX is 1, the gradient of torch is 0.
+        # At 0 the gradient of jnp.abs is 1; in torch it is 0.
         return jnp.where(x == 0.0, 0.0, jnp.abs(x))
 
     def neg(self, x: Tensor) -> Tensor:
@@ -77,7 +77,7 @@ def _first(x: Tensor, y: Tensor) -> Tensor:
 
 
 class JaxReader:
-    """Reads arrays of JAX and of NumPy as floats of one kind."""
+    """`rtamt_arrays.inputs.ArrayReader` for arrays of JAX and of NumPy."""
 
     kind = "arrays"
     module = "jnp"
@@ -90,7 +90,7 @@ class JaxReader:
         info = jnp.finfo(self.dtype)
         self.limits = float(info.tiny), float(info.max)
 
-    def taken(self, value: object) -> Tensor | None:
+    def as_array(self, value: object) -> Tensor | None:
         self._check_enabled()
         if not (isinstance(value, jax.Array | np.ndarray | np.generic) and _is_real(value.dtype)):
             return None
@@ -107,7 +107,7 @@ class JaxReader:
             return jnp.ones_like(like, dtype=bool)
         return jnp.asarray(mask) if self.holds(mask, jnp.bool_) else None
 
-    def shown(self, value: object) -> str:
+    def describe(self, value: object) -> str:
         return brief(value)
 
     def nearest(self, name: str, names: Sequence[str]) -> str:

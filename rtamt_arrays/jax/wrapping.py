@@ -27,9 +27,9 @@ class JaxRequirements:
 
     Args:
         specs: One specification, or several by name.
-        signals: What the variables read.
-        period: The period of the environment, the default of the option; None if it has none.
-        dtype: The kind of floats of the monitors.
+        signals: The selector of each variable.
+        period: The period of the environment, if known; the default of the option.
+        dtype: The dtype of the monitors.
         options: See `RequirementOptions`.
     """
 
@@ -60,21 +60,21 @@ class JaxRequirements:
     def step(
         self, state: RequirementState, step: ArrayStep, terminated: Tensor, truncated: Tensor
     ) -> Any:  # noqa: ANN401 - a state and a judged step
-        """Judge a step, as `StepJudge.step` does; the reward keeps its kind of floats."""
+        """Judge a step, as `StepJudge.step` does; the reward keeps its dtype."""
         reward = jnp.asarray(step.reward, state.potential.dtype)
         sample = self._signals.step(step)
         following, judged = self.judge.step(state, sample, reward, terminated, truncated)
         own = jnp.asarray(step.reward).dtype
-        kind = own if jnp.issubdtype(own, jnp.floating) else reward.dtype
-        return following, judged._replace(reward=judged.reward.astype(kind))
+        dtype = own if jnp.issubdtype(own, jnp.floating) else reward.dtype
+        return following, judged._replace(reward=judged.reward.astype(dtype))
 
-    def shown(self, obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array or a dictionary
+    def observation(self, obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array or a dictionary
         """Return the observation, with the features if the option ``observe`` is set."""
         return with_features(obs, features) if self.judge.observes else obs
 
 
 def with_features(obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array or a dictionary
-    """Append features to observations: an array of a batch, or a dictionary of arrays."""
+    """Append features to the observations of a batch: an array or a dictionary of arrays."""
     if isinstance(obs, Mapping):
         if KEY in obs:
             raise InputError(
@@ -89,23 +89,23 @@ def with_features(obs: Any, features: Tensor) -> Any:  # noqa: ANN401 - an array
     return jnp.concatenate([obs, features.astype(obs.dtype)], axis=-1)
 
 
-def one(tree: Any) -> Any:  # noqa: ANN401 - any arrays
+def as_batch(tree: Any) -> Any:  # noqa: ANN401 - any arrays
     """Return the arrays of one environment as a batch of one."""
     return jax.tree.map(lambda x: jnp.asarray(x)[None], tree)
 
 
-def of_one(tree: Any) -> Any:  # noqa: ANN401 - any arrays
+def only_entry(tree: Any) -> Any:  # noqa: ANN401 - any arrays
     """Return the arrays of the only environment of a batch."""
     return jax.tree.map(lambda x: x[0], tree)
 
 
 def period_of(params: Any) -> float | None:  # noqa: ANN401 - of the simulator
-    """Return the time of a step, which parameters call ``tau`` or ``dt``; None if they do not."""
+    """Return the time of a step: the parameter ``tau`` or ``dt``; None without one."""
     return as_period(getattr(params, "tau", getattr(params, "dt", None)))
 
 
 def as_period(seconds: Any, steps: int = 1) -> float | None:  # noqa: ANN401 - a number of any kind
-    """Return the seconds of some steps; a float32 counts as its shortest decimal number."""
+    """Return the seconds of steps; a float32 counts as its shortest decimal number."""
     if seconds is None:
         return None
     shortest = float(str(np.asarray(seconds)[()])) if hasattr(seconds, "dtype") else float(seconds)

@@ -9,7 +9,7 @@ import torch
 from rtamt.typing import Align, Period
 from rtamt_arrays.inputs import ArraySample, Spec, program_of, traces
 from rtamt_arrays.layout import BoundsReading, EpisodeState
-from rtamt_arrays.offline import RobustnessSemantics, evaluated, lattice_of, smoothing_error
+from rtamt_arrays.offline import RobustnessSemantics, lattice_of, robustness_of, smoothing_error
 from rtamt_arrays.online import OnlineReading, OnlineState
 from rtamt_arrays.operations import Tensor
 from rtamt_arrays.torch.monitors import TorchEpisodeMonitor, TorchOnlineMonitor
@@ -28,7 +28,7 @@ __all__ = [
     "smoothing_error",
 ]
 
-# Under torch.compile a specification is compiled while the graph is built, and not part of it.
+# torch.compile calls this while it builds a graph, and uses the result as a constant.
 _program_of = torch.compiler.assume_constant_result(program_of)
 
 # Saved states can be read with torch.load(weights_only=True).
@@ -49,8 +49,8 @@ def online(
         spec: Text, a formula, or a parsed specification.
         period: As for `rtamt.Monitor`.
         align: As for `rtamt.Monitor`.
-        dtype: The kind of floats; by default that of torch, float32 if it was not set.
-        device: The device of states and samples; by default that of torch.
+        dtype: The dtype of floats; by default torch's, which is float32 unless it was set.
+        device: The device of states and samples; by default torch's.
 
     Raises:
         SpecificationError: As for `rtamt.Monitor`.
@@ -80,7 +80,7 @@ def episode(
 ) -> TorchEpisodeMonitor:
     """Return `rtamt.VectorEpisodeMonitor` on tensors: robustness, bounds and verdicts.
 
-    The arguments are those of `online`.
+    The arguments are the same as for `online`.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, or if more than eight
@@ -110,7 +110,7 @@ def evaluate(
 ) -> Tensor:
     """Return the robustness at every sample of a batch of traces, as `rtamt.evaluate` does.
 
-    Args, result and errors are those of `rtamt_arrays.jax.evaluate`, with tensors for arrays.
+    Arguments, result and errors are the same as for `rtamt_arrays.jax.evaluate`, with tensors.
 
     Example:
         >>> import torch
@@ -129,7 +129,7 @@ def evaluate(
     lattice = lattice_of(operations, reader, semantics, temperature)
     program = _program_of(spec, period, align, online=False)
     values = traces(program, reader, signals)
-    return evaluated(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)
+    return robustness_of(program, operations, reader.dtype, lattice, values).swapaxes(0, -1)
 
 
 def _device_of(signals: ArraySample) -> object:

@@ -2,7 +2,7 @@
 
 `Violated` is a termination term, which judges the episodes. `first_sample` and `monitor_state` are
 observation terms, which take the sample of a reset. `shaped_reward` is a reward term. They follow
-the documented interface of both, and are tested on a stand-in.
+the documented interfaces; the tests use a stand-in for the simulators.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ except ModuleNotFoundError as e:
         raise
 
     class ManagerTermBase:  # type: ignore[no-redef]
-        """The base of a term in mjlab, which takes any class."""
+        """The base of a term in mjlab, which accepts any class."""
 
         def __init__(self, cfg: Any, env: Any) -> None:  # noqa: ANN401 - of mjlab
             self.cfg, self._env = cfg, env
@@ -47,21 +47,21 @@ except ModuleNotFoundError as e:
 __all__ = ["Violated", "first_sample", "monitor_state", "shaped_reward"]
 
 EnvSignal = Callable[[Any], torch.Tensor] | tuple[Callable[[Any], torch.Tensor], float]
-"""A function ``(env) -> tensor[num_envs]``, or a pair of it and its value at a reset."""
+"""A function ``(env) -> tensor[num_envs]``, or a pair of a function and its value at a reset."""
 
 
 class Violated(ManagerTermBase):
     """A termination term that ends an episode at the first certain violation.
 
-    With ``time_out=True`` in its configuration the end is a truncation; otherwise, it is a
-    termination. `shaped_reward` pays the reward and writes ``env.extras["stl"]``.
+    With ``time_out=True`` in the configuration the end is a truncation; otherwise, it is a
+    termination. `shaped_reward` returns the reward and writes ``env.extras["stl"]``.
 
     A signal is a function ``(env) -> tensor[num_envs]``, like other terms, or a pair
     ``(function, value)`` if the function is not defined at a reset, such as an action.
 
-    A reset marks environments and reads nothing, because the simulator may update poses of bodies
-    and contacts only after it. `first_sample` or `monitor_state`, among the observations, then
-    takes sample 0. Without them, the sample after the first step is sample 0.
+    A reset only marks environments, because the simulator may update poses and contacts after it.
+    `first_sample` or `monitor_state`, among the observations, then takes sample 0. Without them,
+    the sample after the first step is sample 0.
 
     No method waits for the device.
 
@@ -87,7 +87,7 @@ class Violated(ManagerTermBase):
     Raises:
         SpecificationError: As `rtamt.EpisodeMonitor` does.
         InputError: If a variable has no signal, an option is wrong, or an option is set that the
-            managers decide: ``observe``, and an ``on_violation`` that differs from ``time_out``.
+            managers set: ``observe``, and an ``on_violation`` that differs from ``time_out``.
         InputTypeError: If a signal is not a function, nor a pair of a function and a number.
 
     Attributes:
@@ -102,8 +102,9 @@ class Violated(ManagerTermBase):
             if name not in params:
                 raise InputError(f"The params of Violated have no {name!r}.")
         self._truncates = bool(getattr(cfg, "time_out", False))
-        chosen: RequirementOptions = params.get("options") or RequirementOptions()
-        options = _options_of(chosen, env.step_dt, truncates=self._truncates)
+        options = _checked_options(
+            params.get("options") or RequirementOptions(), env.step_dt, truncates=self._truncates
+        )
         self.requirements = StepJudge(
             params["specs"],
             ArrayLibrary(
@@ -116,14 +117,13 @@ class Violated(ManagerTermBase):
         self._signals = _signals_of(params["signals"], self.requirements.variables)
         self._state = self.requirements.init(env.num_envs)
         self._never = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
-        self._nothing = torch.zeros(env.num_envs, device=env.device)
+        self._zero = torch.zeros(env.num_envs, device=env.device)
         self._marked: torch.Tensor | None = ~self._never
-        self._open_step: tuple[RequirementState, MonitorSetUpdate] | None = (
-            None  # its ends are not known yet
-        )
+        # A step with unknown ends.
+        self._open_step: tuple[RequirementState, MonitorSetUpdate] | None = None
         self._paid: JudgedStep | None = None
         self.width: int = self.requirements.features.box.shape[0]
-        self._features = self._nothing[:, None].repeat(1, self.width)
+        self._features = self._zero[:, None].repeat(1, self.width)
 
     def reset(self, env_ids: Sequence[int] | torch.Tensor | slice | None = None) -> None:
         """Mark environments whose next sample is the first of an episode.
@@ -132,8 +132,8 @@ class Violated(ManagerTermBase):
             env_ids: Indices of environments, or a boolean for each; a slice; or None for all.
 
         Raises:
-            InputError: If there is an index without an environment, or not a boolean for each.
-            InputTypeError: If ``env_ids`` is not one of these.
+            InputError: If an index has no environment, or the number of booleans is wrong.
+            InputTypeError: If ``env_ids`` has another type.
         """
         mask = self._mask_of(env_ids)
         self._state = self.requirements.reset(self._state, mask)
@@ -158,7 +158,7 @@ class Violated(ManagerTermBase):
     def __call__(
         self,
         env: Any,  # noqa: ANN401 - of the simulator
-        specs: SpecsLike,  # noqa: ARG002 - the parameters, which managers pass every time
+        specs: SpecsLike,  # noqa: ARG002 - managers pass the parameters at every call
         signals: Mapping[str, EnvSignal],  # noqa: ARG002
         options: RequirementOptions | None = None,  # noqa: ARG002
     ) -> torch.Tensor:
@@ -172,9 +172,10 @@ class Violated(ManagerTermBase):
         return violated
 
     def pay(self, terminated: torch.Tensor, truncated: torch.Tensor) -> JudgedStep | None:
-        """Judge the step, after all terminations are known; None before the first step.
+        """Return the results of the step; None before the first step.
 
-        A second call in the same step returns the same result.
+        Call it after all terminations are known. A second call in the same step returns the same
+        result.
         """
         if self._open_step is not None:
             others = ~self.requirements.violated(self._open_step[1])
@@ -195,7 +196,7 @@ class Violated(ManagerTermBase):
         truncated: torch.Tensor,
     ) -> JudgedStep:
         self._state, judged = self.requirements.conclude(
-            before, update, self._nothing, terminated, truncated
+            before, update, self._zero, terminated, truncated
         )
         self._features = judged.features
         return judged
@@ -238,41 +239,42 @@ def _wrong_ids(env_ids: object) -> InputTypeError:
     )
 
 
-def _options_of(
-    chosen: RequirementOptions, step_dt: float, *, truncates: bool
+def _checked_options(
+    options: RequirementOptions, step_dt: float, *, truncates: bool
 ) -> RequirementOptions:
-    """Return the options of the judge; refuse options whose effect belongs to the managers."""
-    for name in chosen:
+    """Return the options of the judge; raise InputError for options that the managers set."""
+    for name in options:
         if name not in RequirementOptions.__annotations__:
             raise InputError(no_such("option", name, RequirementOptions.__annotations__))
-    if chosen.get("observe") is not None:
+    if options.get("observe") is not None:
         raise InputError(
-            f"Violated has no observe={chosen['observe']!r}. Add monitor_state to the observations."
+            f"Violated has no observe={options['observe']!r}. Add monitor_state to the "
+            "observations."
         )
     ends: OnViolation = "truncate" if truncates else "terminate"
-    on_violation = chosen.get("on_violation", ends)
+    on_violation = options.get("on_violation", ends)
     if on_violation != ends:
         raise InputError(
             f"on_violation={on_violation!r} has no effect: the termination manager ends the "
             f"episode, and time_out={truncates} means on_violation={ends!r}. Remove the option, or "
-            "set time_out in the configuration of the term; an end cannot be left out."
+            "set time_out in the configuration of the term; a violation always ends the episode."
         )
-    period = seconds_of(chosen.get("period"))
+    period = seconds_of(options.get("period"))
     if period is not None and period != 1 and not math.isclose(period, step_dt, rel_tol=1e-6):
         warnings.warn(
-            f"period= is {float(period):g} s, but a step of the environment takes {step_dt:g} s "
-            f"and is a sample, so bounds last {step_dt / float(period):g} times as long as "
+            f"period= is {float(period):g} s, but a step of the environment, which is a sample, "
+            f"takes {step_dt:g} s, so bounds last {step_dt / float(period):g} times as long as "
             "written; leave period= out, or set period=1 to count steps",
             UserWarning,
             stacklevel=caller_level(),
         )
-    return {"period": step_dt, **chosen, "on_violation": ends}
+    return {"period": step_dt, **options, "on_violation": ends}
 
 
 def _signals_of(
     signals: Mapping[str, EnvSignal], variables: Sequence[str]
 ) -> dict[str, tuple[Callable[[Any], torch.Tensor], float | None]]:
-    """Return the function of each variable, and its value at a reset if it has one."""
+    """Return the function of each variable, and its value at a reset or None."""
     if not isinstance(signals, Mapping):
         raise InputTypeError(
             f"expected signals as a dictionary from variable to function, got {brief(signals)}"
@@ -290,7 +292,7 @@ def _signals_of(
             case signal:
                 raise InputTypeError(
                     f"expected signal {name!r} as a function of the environment, or as a pair of "
-                    f"it and a number for resets, got {brief(signal)}"
+                    f"a function and a number for resets, got {brief(signal)}"
                 )
     return pairs
 
@@ -319,8 +321,8 @@ def _terms_of(env: Any) -> dict[str, Violated]:  # noqa: ANN401 - of the simulat
     return terms
 
 
-def _chosen(terms: Mapping[str, Violated], name: str | None, reader: str) -> str:
-    """Return the name of the term that a reader names, or of the only one."""
+def _term_name(terms: Mapping[str, Violated], name: str | None, reader: str) -> str:
+    """Return the name of the term that a reader names, or of the only term."""
     listed = ", ".join(map(repr, terms))
     if name is not None and name not in terms:
         raise InputError(f"{reader} has term={name!r}. The terms with func=Violated are {listed}.")
@@ -333,9 +335,9 @@ def _chosen(terms: Mapping[str, Violated], name: str | None, reader: str) -> str
 
 
 def shaped_reward(env: Any, term: str | None = None) -> torch.Tensor:  # noqa: ANN401 - of the simulator
-    """Return the reward of the option ``mode`` of `Violated`, as a reward term; 0 without a mode.
+    """Return the shaped reward of `Violated`, as a reward term; 0 without the option ``mode``.
 
-    The reward manager multiplies it by its weight, and by the duration of a step. It does not call
+    The reward manager multiplies it by its weight and by the duration of a step. It does not call
     a term of weight 0.
 
     ``env.extras["stl"]`` then has the keys of `rtamt_arrays.jax.brax.StlWrapper`, as tensors of
@@ -352,23 +354,23 @@ def shaped_reward(env: Any, term: str | None = None) -> torch.Tensor:  # noqa: A
         InputError: If the environment has no `Violated`, or several and ``term`` names none.
     """
     terms = _terms_of(env)
-    name = _chosen(terms, term, "shaped_reward")
+    name = _term_name(terms, term, "shaped_reward")
     ends = env.termination_manager
-    paid = terms[name].pay(ends.terminated, ends.time_outs)
-    if paid is None:  # a manager may call it for its shape
+    step = terms[name].pay(ends.terminated, ends.time_outs)
+    if step is None:  # a manager may call it for its shape
         return torch.zeros(env.num_envs, device=env.device)
     if len(terms) == 1:
-        env.extras["stl"] = paid.info
+        env.extras["stl"] = step.info
     else:
-        env.extras.setdefault("stl", {})[name] = paid.info
-    reward: torch.Tensor = paid.reward
+        env.extras.setdefault("stl", {})[name] = step.info
+    reward: torch.Tensor = step.reward
     return reward
 
 
 def first_sample(env: Any) -> torch.Tensor:  # noqa: ANN401 - of the simulator
     """Take sample 0 of the environments that were reset, as an observation term of width 0.
 
-    It serves every `Violated` of the environment. `monitor_state` does the same for its term.
+    It takes the sample for every `Violated` of the environment; `monitor_state` takes it for one.
 
     Args:
         env: The environment, which has `Violated` among its terminations.
@@ -379,7 +381,7 @@ def first_sample(env: Any) -> torch.Tensor:  # noqa: ANN401 - of the simulator
     Raises:
         InputError: If the environment has no `Violated`.
     """
-    if hasattr(env, "termination_manager"):  # observations are made before terminations
+    if hasattr(env, "termination_manager"):  # managers create observations before terminations
         for term in _terms_of(env).values():
             term.take_first()
     return torch.zeros(env.num_envs, 0, device=env.device)
@@ -396,8 +398,8 @@ def monitor_state(
 
     Args:
         env: The environment, which has `Violated` among its terminations.
-        features: The width of the observation: five for each specification. Managers ask for it
-            before the specifications are known.
+        features: The width of the observation: five for each specification. Managers need it
+            before they know the specifications.
         term: The name of the termination term; None if there is one `Violated`.
 
     Returns:
@@ -407,13 +409,13 @@ def monitor_state(
         InputError: If the environment has no `Violated`, or several and ``term`` names none; or if
             ``features`` is not the number of features.
     """
-    if not hasattr(env, "termination_manager"):  # observations are made before terminations
+    if not hasattr(env, "termination_manager"):  # managers create observations before terminations
         return torch.zeros(env.num_envs, features, device=env.device)
     terms = _terms_of(env)
-    chosen = terms[_chosen(terms, term, "monitor_state")]
-    if chosen.width != features:
+    violated = terms[_term_name(terms, term, "monitor_state")]
+    if violated.width != features:
         raise InputError(
-            f"monitor_state has features={features}, and its specifications have {chosen.width}. "
-            f"Pass params={{'features': {chosen.width}}}."
+            f"monitor_state has features={features}, and its specifications have {violated.width}. "
+            f"Pass params={{'features': {violated.width}}}."
         )
-    return chosen.take_first()
+    return violated.take_first()

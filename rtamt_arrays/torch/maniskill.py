@@ -31,8 +31,8 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
     Args:
         env: The environment that ``gymnasium.make`` returned.
         specs: One specification, or several by name, as for `rtamt_gym.StlMonitor`.
-        signals: What the variables read: see `rtamt_arrays.selectors`. A function gets a step of
-            all environments, whose ``state`` is the unwrapped environment, and returns a tensor.
+        signals: The selector of each variable; see `rtamt_arrays.selectors`. A function gets a step
+            of all environments, whose ``state`` is the unwrapped environment, and returns a tensor.
         **options: See `rtamt_arrays.judging.RequirementOptions`. The default of ``period`` is
             the inverse of ``control_freq``.
 
@@ -68,15 +68,15 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
     def reset(
         self,
         *,
-        seed: Any = None,  # noqa: ANN401 - one or many
+        seed: Any = None,  # noqa: ANN401 - a number or a list of numbers
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """Start episodes; in the environments of ``options["env_idx"]`` only, if it is set."""
         obs, info = self.env.reset(seed=seed, options=options)
         mask = ~self._never
         if options is not None and "env_idx" in options:
-            which = torch.as_tensor(options["env_idx"], device=mask.device)
-            mask = self._never.index_fill(0, which.to(torch.int64), 1)
+            indices = torch.as_tensor(options["env_idx"], device=mask.device)
+            mask = self._never.index_fill(0, indices.to(torch.int64), 1)
         step = ArrayStep(obs, None, None, info, self.unwrapped)
         self._state, judged = self._judge.begin(self._state, self._signals.reset(step), mask)
         return obs, {**info, **self._infos(judged, mask)}
@@ -92,12 +92,12 @@ class StlManiSkillWrapper(gym.Wrapper[Any, Any, Any, Any]):
         return obs, judged.reward, judged.terminated, judged.truncated, {**info, **infos}
 
     def _infos(self, judged: JudgedStep, mask: torch.Tensor) -> dict[str, Any]:
-        """Return the keys of infos: new in the masked environments, the last ones in others."""
-        self._info = judged.info if self._info is None else _chosen(mask, judged.info, self._info)
+        """Return the keys of infos, with new values in the masked environments only."""
+        self._info = judged.info if self._info is None else _select(mask, judged.info, self._info)
         return self._info
 
 
-def _chosen(mask: torch.Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - tensors by key
+def _select(mask: torch.Tensor, new: Any, old: Any) -> Any:  # noqa: ANN401 - tensors by key
     if isinstance(new, dict):
-        return {key: _chosen(mask, value, old[key]) for key, value in new.items()}
+        return {key: _select(mask, value, old[key]) for key, value in new.items()}
     return torch.where(mask, new, old)

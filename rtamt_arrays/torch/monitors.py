@@ -1,11 +1,11 @@
 """Monitors of tensors, which can overwrite their state.
 
-Compiled steps without a gradient run on integers that have the order of the floats. The bits of a
-float, read as an integer, are in order for positive floats and in reverse for negative ones. With
-all bits except the sign inverted there, -0.0 is below 0.0, min and max are one operation instead of
-six, and ``~`` negates. Terms are computed in floats, and states and readings are floats. The graph
-has half as many operations and compiles in half the time. In eager mode the conversion costs more
-than it saves.
+Compiled steps without a gradient run on integers in the order of the floats. The bits of a float,
+read as an integer, are in order for positive floats and in reverse order for negative floats. After
+inverting all bits of negative floats except the sign, -0.0 is below 0.0, min and max are one
+operation instead of six, and ``~`` negates. Terms, states and readings are floats. The graph has
+half as many operations and compiles in half the time. In eager mode the conversion costs more than
+it saves.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rtamt.errors import InputError
 from rtamt.program.instructions import Const, Load
 from rtamt.program.program import Program
 from rtamt_arrays.episode import EpisodeArrays
-from rtamt_arrays.inputs import ArrayReader, ArraySample, columns, refused, terms
+from rtamt_arrays.inputs import ArrayReader, ArraySample, columns, raise_error, terms
 from rtamt_arrays.layout import BoundsReading, EpisodeState
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor
@@ -30,19 +30,19 @@ from rtamt_arrays.torch.operations import BITS, TorchOperations, TorchReader, di
 Machine = TypeVar("Machine")
 
 _READ = ("robustness", "lower", "upper")
-"""The numbers of readings."""
+"""The floats of readings."""
 
 
 class OrderedFormulas(Generic[Machine]):
     """A machine that runs the formulas of a program on ordered integers.
 
     Args:
-        made: Makes the machine.
+        make: The class of the machine.
         program: The program.
-        reader: Reads the floats of a caller.
-        tables: The floats of the machine's state, except a ring of which a step reads few.
-        check: Raises an error for a wrong state.
-        in_place: Whether a step may write into that ring.
+        reader: The reader of the samples of callers.
+        tables: The names of the floats in the state, except a ring, of which a step reads little.
+        check: A function that raises an error for a wrong state.
+        in_place: Whether a step may write into the ring.
     """
 
     def __init__(
@@ -74,9 +74,9 @@ class OrderedFormulas(Generic[Machine]):
     def run(
         self,
         step: Callable[[Machine, Any, ArraySample], tuple[Any, ...]],
-        state: Any,  # noqa: ANN401 - the machine's own
+        state: Any,  # noqa: ANN401 - the state of the machine
         sample: ArraySample,
-    ) -> Any:  # noqa: ANN401 - what the step gives
+    ) -> Any:  # noqa: ANN401 - the result of the step
         """Return the result of a step; None in eager mode and for gradients."""
         if not torch.compiler.is_compiling():
             return None
@@ -85,18 +85,18 @@ class OrderedFormulas(Generic[Machine]):
         values = columns(self._program, self._reader, sample, entries)
         if differentiated(*values, *state):
             return None
-        known, wrong = terms(self._program, o, self._reader.dtype, values)
-        if wrong is not None:
-            state = state._replace(nan=state.nan | wrong)
+        values, is_nan = terms(self._program, o, self._reader.dtype, values)
+        if is_nan is not None:
+            state = state._replace(nan=state.nan | is_nan)
         tables = {n: _integers(x) for n in self._tables if len(x := getattr(state, n))}
-        integers = {str(r): _integers(o.broadcast(known[r], entries)) for r in self._terms}
+        integers = {str(r): _integers(o.broadcast(values[r], entries)) for r in self._terms}
         following, *readings = step(self._machine, state._replace(**tables), integers)
         return self._floats(following, tables), *(
             self._floats(reading, _READ) for reading in readings
         )
 
     def _floats(self, arrays: Any, names: Container[str]) -> Any:  # noqa: ANN401 - a named tuple
-        # The order is the same in all processes, so caches of graphs hit.
+        # Keep the order of the fields, so that graph caches work across processes.
         floats = [name for name in arrays._fields if name in names]
         return arrays._replace(
             **{name: _numbers(getattr(arrays, name), self._reader.dtype) for name in floats}
@@ -123,7 +123,7 @@ def _ordered(value: float, dtype: object) -> int:
     return int(_integers(torch.tensor(value, dtype=dtype, device="cpu")).item())
 
 
-# Under torch.compile this runs while the graph is built, and is not part of it.
+# torch.compile calls this while it builds a graph, and uses the result as a constant.
 _integer = torch.compiler.assume_constant_result(_ordered)
 
 
@@ -157,7 +157,7 @@ class _OrderedOperations(TorchOperations):
         return x < 0
 
     def isnan(self, x: Tensor) -> Tensor:
-        return x != x  # noqa: PLR0124 - never: the terms have reported nan
+        return x != x  # noqa: PLR0124 - always False: `terms` has reported nan
 
     def gather(self, table: Tensor, rows: Tensor) -> Tensor:
         return _integers(super().gather(table, rows))
@@ -167,7 +167,7 @@ class _OrderedOperations(TorchOperations):
 
 
 class _OrderedReader:
-    """Accepts ordered integers as they are."""
+    """An `ArrayReader` that accepts ordered integers unchanged."""
 
     kind = "integers"
     module = "torch"
@@ -176,7 +176,7 @@ class _OrderedReader:
     def __init__(self, dtype: object) -> None:
         self.dtype = dtype
 
-    def taken(self, value: Tensor) -> Tensor:
+    def as_array(self, value: Tensor) -> Tensor:
         return value
 
     def is_array(self, value: object) -> bool:  # noqa: ARG002
@@ -185,14 +185,14 @@ class _OrderedReader:
     def holds(self, value: object, dtype: object) -> bool:  # noqa: ARG002
         return True
 
-    def shown(self, value: object) -> str:  # noqa: ARG002
+    def describe(self, value: object) -> str:  # noqa: ARG002
         return ""
 
     def nearest(self, name: str, names: Sequence[str]) -> str:  # noqa: ARG002
         return ""
 
     def announce(self, text: str) -> None:
-        """Nothing is refused here."""
+        """Do nothing: this reader raises no errors."""
 
     def mask(self, mask: object, like: Tensor) -> Tensor:  # noqa: ARG002
         msg = "entries are reset in floats"
@@ -242,15 +242,15 @@ class TorchOnlineMonitor(OnlineMonitor):
             InputTypeError: As `update` does.
         """
         _check_gradients(self._reader, self.variables, state, sample)
-        written = self._ordered_writing.run(OnlineMonitor.update, state, sample)
-        following, reading = written or self._writing.update(state, sample)
+        result = self._ordered_writing.run(OnlineMonitor.update, state, sample)
+        following, reading = result or self._writing.update(state, sample)
         _overwrite(state, following)
         return reading
 
     def reset_(self, state: OnlineState, mask: Tensor | None = None) -> None:
         """Reset the masked entries, and overwrite the state.
 
-        Args and errors are those of `reset`; after an error the state is unchanged.
+        Arguments and errors are the same as for `reset`; after an error the state is unchanged.
         """
         _overwrite(state, self.reset(state, mask))
 
@@ -299,7 +299,7 @@ class TorchEpisodeMonitor(EpisodeArrays):
     def reset_(self, state: EpisodeState, mask: Tensor | None = None) -> None:
         """Reset the masked entries, and overwrite the state.
 
-        Args and errors are those of `reset`; after an error the state is unchanged.
+        Arguments and errors are the same as for `reset`; after an error the state is unchanged.
         """
         _overwrite(state, self.reset(state, mask))
 
@@ -310,20 +310,20 @@ def _check_gradients(
     state: object,
     sample: ArraySample,
 ) -> None:
-    """Refuse gradients through an overwritten state: the graph would grow without end."""
+    """Raise InputError for gradients through an overwritten state; the graph would grow forever."""
     if torch.is_grad_enabled():
         values = [sample.get(v) for v in variables] if isinstance(sample, Mapping) else [sample]
         states = state if isinstance(state, tuple) else ()  # otherwise, the step raises an error
         if any(isinstance(x, torch.Tensor) and x.requires_grad for x in (*states, *values)):
             text = (
-                "expected a state and a sample that require no gradient, as update_ overwrites the "
-                "state; take update, or call update_ under torch.no_grad()"
+                "update_ overwrites the state, but the state or the sample requires a gradient; "
+                "call update, or call update_ under torch.no_grad()"
             )
-            refused(reader, InputError, text)
+            raise_error(reader, InputError, text)
 
 
 def _detached(reading: ArrayReading) -> ArrayReading:
-    """Return the reading with its own copy of the flags, which update_ does not overwrite."""
+    """Return the reading with a copy of the flags, which update_ cannot overwrite."""
     return reading._replace(nan=reading.nan.clone())
 
 

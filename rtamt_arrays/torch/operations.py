@@ -9,7 +9,7 @@ from torch.autograd import forward_ad
 from torch.autograd.forward_ad import unpack_dual
 
 from rtamt.errors import InputError, InputTypeError, brief, nearest
-from rtamt_arrays.inputs import refused
+from rtamt_arrays.inputs import raise_error
 from rtamt_arrays.operations import Tensor
 
 
@@ -55,7 +55,8 @@ class TorchOperations:
     def lesser(self, x: Tensor, y: Tensor) -> Tensor:
         if differentiated(x, y):
             return torch.where(_first(x, y), x, y)
-        # torch.minimum returns either of two equal numbers; only the zeros differ, in the sign bit.
+        # torch.minimum may return either of two equal numbers. These differ only for zeros, in the
+        # sign bit.
         return (_bits(torch.minimum(x, y)) | _bits(torch.minimum(y, x))).view(x.dtype)
 
     def greater(self, x: Tensor, y: Tensor) -> Tensor:
@@ -66,8 +67,8 @@ class TorchOperations:
     def as_integers(self, x: Tensor) -> Tensor:
         return x.to(torch.int32)
 
-    def least(self, x: Tensor, most: int) -> Tensor:
-        return x.clamp(max=most)
+    def least(self, x: Tensor, limit: int) -> Tensor:
+        return x.clamp(max=limit)
 
     def as_kind_of(self, x: Tensor, like: Tensor) -> Tensor:
         return x.to(like.dtype)
@@ -99,21 +100,21 @@ def differentiated(*operands: Tensor) -> bool:
     if torch.is_grad_enabled() and any(x.requires_grad for x in operands):
         return True
     if torch.compiler.is_compiling():  # tensors have no tangent here
-        return bool(_tangents_are_made())
+        return bool(_tangents_exist_now())
     return any(unpack_dual(x).tangent is not None for x in operands)
 
 
-def _tangents() -> bool:
+def _tangents_exist() -> bool:
     return bool(forward_ad._current_level >= 0)  # noqa: SLF001 - there is no public name
 
 
-# Under torch.compile both run while the graph is built, and are not part of it.
-_tangents_are_made = torch.compiler.assume_constant_result(_tangents)
+# torch.compile calls both while it builds a graph, and uses the results as constants.
+_tangents_exist_now = torch.compiler.assume_constant_result(_tangents_exist)
 _nearest = torch.compiler.assume_constant_result(nearest)
 
 
 class TorchReader:
-    """Reads tensors of one device as floats of one kind."""
+    """`rtamt_arrays.inputs.ArrayReader` for tensors of one device."""
 
     kind = "tensors"
     module = "torch"
@@ -121,9 +122,9 @@ class TorchReader:
     def __init__(self, dtype: object, device: object) -> None:
         self.dtype = torch.get_default_dtype() if dtype is None else dtype
         if not (isinstance(self.dtype, torch.dtype) and self.dtype.is_floating_point):
-            got = self.shown(self.dtype)
+            got = self.describe(self.dtype)
             text = f"expected a dtype of floats, such as torch.float32, got {got}"
-            refused(self, InputTypeError, text)
+            raise_error(self, InputTypeError, text)
         info = torch.finfo(self.dtype)
         self.limits = info.tiny, info.max
         try:
@@ -131,7 +132,7 @@ class TorchReader:
         except (RuntimeError, TypeError, AssertionError) as e:
             raise InputError(f"expected a device of torch, got {brief(device)}: {e}") from e
 
-    def taken(self, value: object) -> Tensor | None:
+    def as_array(self, value: object) -> Tensor | None:
         if not isinstance(value, torch.Tensor) or value.dtype.is_complex:
             return None
         self._check_device(value)
@@ -151,7 +152,7 @@ class TorchReader:
             return torch.ones_like(like, dtype=torch.bool)
         return mask if self.holds(mask, torch.bool) else None
 
-    def shown(self, value: object) -> str:
+    def describe(self, value: object) -> str:
         if torch.compiler.is_compiling() and not isinstance(value, str | int | float | None):
             return type(value).__name__
         return brief(value)
@@ -160,13 +161,13 @@ class TorchReader:
         return str(_nearest(name, names))
 
     def announce(self, text: str) -> None:
-        if torch.compiler.is_compiling():  # it shows the text of graph breaks only
+        if torch.compiler.is_compiling():  # which shows only the texts of graph breaks
             torch._dynamo.graph_break(msg=text)  # noqa: SLF001 - torch documents it
 
     def _check_device(self, tensor: Tensor) -> None:
         if tensor.device != self.device:
             text = (
                 f"expected tensors on {self.device}, got one on {tensor.device}; "
-                "give the monitor the device of the samples, or move them to its own"
+                "pass device= of the samples to the monitor, or move the samples"
             )
-            refused(self, InputError, text)
+            raise_error(self, InputError, text)

@@ -265,8 +265,8 @@ def test_constructor_errors() -> None:
     with pytest.raises(InputError) as error:
         StlWrapper(Drift(), "always(x < 1)", {"x": "obs[0]"}).reset(jax.random.PRNGKey(0))
     assert str(error.value) == (
-        "expected an environment in VmapWrapper and then EpisodeWrapper, which count the steps of "
-        "many; training_wrapper(specs, signals) makes the order that Brax trains with"
+        "StlWrapper needs an environment in VmapWrapper and then EpisodeWrapper. "
+        "training_wrapper(specs, signals) builds the order that Brax trains with."
     )
 
 

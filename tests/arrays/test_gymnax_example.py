@@ -28,7 +28,7 @@ def example() -> ModuleType:
 
 def driven(example: ModuleType, place: float) -> Any:  # noqa: ANN401 - arrays of each step
     """Last observations, rewards and ends of an episode that a rule drives to a place in 3 s."""
-    env, params = example.made()
+    env, params = example.make_env()
 
     def step(carried: Any, moment: Any) -> Any:  # noqa: ANN401
         (x, v, theta, w), state = carried[0][:4], carried[1]
@@ -92,4 +92,4 @@ def test_a_short_training_learns_the_task(
     policy, rates = jax.jit(example.train)(jax.random.key(100))
     assert rates[:10].mean() < 0.1
     assert rates[-10:].mean() > 0.8
-    assert example.evaluated(policy).success.satisfied >= 0.9 * 20
+    assert example.evaluate(policy).success.satisfied >= 0.9 * 20

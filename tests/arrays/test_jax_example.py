@@ -52,7 +52,7 @@ def test_both_gradients_satisfy_the_task(unicycle: ModuleType, tmp_path: Path) -
 
 def test_solution_is_judged_without_jax(unicycle: ModuleType) -> None:
     start = np.zeros((2, unicycle.SAMPLES - 1))
-    found, seen = unicycle.ascended(start, smooth=True)
+    found, seen = unicycle.ascend(start, smooth=True)
     signals = {k: np.asarray(v) for k, v in unicycle.signals(unicycle.path(found)).items()}
     expected = rtamt.evaluate(unicycle.TASK, signals, period=unicycle.PERIOD)[0]
     assert float(unicycle.robustness(found)) == pytest.approx(expected, abs=1e-5)

@@ -132,6 +132,4 @@ def test_vector_restarts_keep_final_infos() -> None:
 def test_what_it_does_not_have_is_refused() -> None:
     with pytest.raises(InputError) as error:
         made(observe="state")
-    assert str(error.value) == (
-        "expected no observe, which this wrapper does not have, got observe='state'"
-    )
+    assert str(error.value) == "StlManiSkillWrapper has no observe='state'. Remove the option."

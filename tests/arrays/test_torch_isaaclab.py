@@ -388,9 +388,21 @@ def test_an_option_without_effect_is_refused(
         ({"y": position}, InputError, "variable 'x' has no signal; the signals are y"),
         ([position], InputTypeError, "expected signals as a dictionary from variable to function"),
         ({"x": "obs[0]"}, InputTypeError, "expected signal 'x' as a function of the environment"),
-        ({"x": (0.0, position)}, InputTypeError, "or as a pair of it and a number for resets"),
-        ({"x": (position, None)}, InputTypeError, "or as a pair of it and a number for resets"),
-        ({"x": (position, 0.0, 1)}, InputTypeError, "or as a pair of it and a number for resets"),
+        (
+            {"x": (0.0, position)},
+            InputTypeError,
+            "or as a pair of a function and a number for resets",
+        ),
+        (
+            {"x": (position, None)},
+            InputTypeError,
+            "or as a pair of a function and a number for resets",
+        ),
+        (
+            {"x": (position, 0.0, 1)},
+            InputTypeError,
+            "or as a pair of a function and a number for resets",
+        ),
     ],
 )
 def test_wrong_signals_are_refused_at_once(

@@ -37,7 +37,7 @@ def test_the_corridor_is_an_environment_as_gymnasium_wants_it() -> None:
 
 
 def test_the_clocks_made_by_hand_count_the_steps_since_each_end() -> None:
-    env = script("train_patrol").made("step-clocks")
+    env = script("train_patrol").make_env("step-clocks")
     x = float(env.reset(seed=3)[0][0])
     since = [0, 0]
     places = [x]
@@ -76,7 +76,7 @@ def test_variants_of_the_corridor_see_what_they_are_judged_in(name: str, steps: 
     for variant in module.TASK.variants:
         if variant.startswith("dqn"):
             continue
-        seen, trained = module.seen(variant), module.trained(variant)
+        seen, trained = module.policy_env(variant), module.training_env(variant)
         assert seen.observation_space == trained.observation_space
         assert seen.reset(seed=1)[0].tolist() == trained.reset(seed=1)[0].tolist()
         rewards, _ = played(trained, there_and_back(steps))
@@ -91,16 +91,18 @@ def test_variants_without_a_memory_see_x_alone() -> None:
         ("train_patrol", {"plain", "sparse", "naive", "step"}),
     ):
         module = script(name)
-        found = {v for v in module.TASK.variants if module.seen(v).observation_space.shape == (1,)}
+        found = {
+            v for v in module.TASK.variants if module.policy_env(v).observation_space.shape == (1,)
+        }
         assert {v for v in found if not v.startswith("dqn") and not v.endswith("lstm")} == alone
 
 
 def test_variants_of_the_speed_limit_pay_as_they_say() -> None:
     still = [np.zeros(6, np.float32)] * 500
     module = script("train_speed_limit")
-    plain, _ = played(module.made(), still)
+    plain, _ = played(module.make_env(), still)
     for variant in module.TASK.variants:
-        rewards, _ = played(module.trained(variant), still)
+        rewards, _ = played(module.training_env(variant), still)
         match variant:
             case "sparse":
                 assert rewards == [0.0] * 500
@@ -133,7 +135,7 @@ def forces(policy: Any, seed: int) -> tuple[list[float], list[float]]:  # noqa: 
 
     The physics is stepped here, and a force is a sum over the contacts that there are.
     """
-    env = script("train_contact").made()
+    env = script("train_contact").make_env()
     obs, _ = env.reset(seed=seed)
     model, data = env.unwrapped.model, env.unwrapped.data
     inside, force = [], np.zeros(6)
@@ -164,7 +166,7 @@ def test_sub_steps_judge_what_happens_between_two_observations() -> None:
     training, task = script("training"), script("train_contact").TASK
     task = dataclasses.replace(task, episodes=4)
     counts = {
-        (policy, substeps): training.judged(task, policy, "plain", substeps=substeps)[0]
+        (policy, substeps): training.evaluate(task, policy, "plain", substeps=substeps)[0]
         for policy in (hard, soft)
         for substeps in (True, False)
     }
@@ -173,7 +175,7 @@ def test_sub_steps_judge_what_happens_between_two_observations() -> None:
 
 @pytest.mark.parametrize(("variant", "steps"), [("plain", 15), ("observed", 15), ("substeps", 8)])
 def test_an_end_comes_at_what_the_monitor_sees(variant: str, steps: int) -> None:
-    env = script("train_contact").trained(variant)
+    env = script("train_contact").training_env(variant)
     obs, _ = env.reset(seed=3)
     count, terminated, truncated = 0, False, False
     while not (terminated or truncated):
@@ -243,7 +245,7 @@ def test_what_is_finished_is_not_run_again(
 
 
 def test_methods_of_the_study_say_and_pay_the_end_at_the_speed_limit_as_they_are_called() -> None:
-    limited = script("study").limited
+    limited = script("study").speed_limit_env
     fast = [np.array([1, -1, 1, -1, 1, -1], np.float32) * (-1) ** (k // 4) for k in range(500)]
     paid: dict[str, list[float]] = {}
     for method in ("plain", "ours", "control", "whole"):

@@ -18,8 +18,8 @@ def test_two_monitors_of_one_name_say_so_until_one_ends(tools: Client, tmp_path:
     words = f"-m rtamt_ros --stl {file} --ros-args -r __ns:=/twin".split()
     first, second = (tools.ros.start(*words, name=name) for name in ("first", "second"))
     said = (
-        "2 nodes have the name /twin/stl_monitor, and may get what is asked of another; give each "
-        "its own: --ros-args -r __node:=NAME"
+        "2 nodes have the name /twin/stl_monitor, so a request may reach another node; give each "
+        "node its own name: --ros-args -r __node:=NAME"
     )
     for each in (first, second):
         tools.until(lambda each=each: f"[twin.stl_monitor]: {said}\n" in each.output)  # type: ignore[misc]

@@ -54,8 +54,8 @@ def test_a_publisher_of_another_type_is_reported(tools: Client) -> None:
     tools.source("other/x", 3.0)
     integer = "from std_msgs.msg import Int64\ninput Int64 x\n@ topic(x, x)\nout = x > 1"
     monitor = tools.monitor("other", spec=integer, period=20)
-    said = "a publisher of /other/x sends std_msgs/msg/Float64 instead of std_msgs/msg/Int64: none"
-    tools.until(lambda: f"{said} of its messages come\n" in monitor.process.output)
+    said = "a publisher of /other/x sends std_msgs/msg/Float64 instead of std_msgs/msg/Int64: its"
+    tools.until(lambda: f"{said} messages are not received\n" in monitor.process.output)
 
 
 def test_who_comes_late_hears_the_last_value_and_of_a_stale_input_nan(tools: Client) -> None:

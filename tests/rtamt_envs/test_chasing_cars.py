@@ -46,7 +46,7 @@ def begun(speeds: list[float], modes: list[float], gap: float) -> tuple[Floats, 
     state[:5] = gap * np.arange(5)
     state[5:10] = speeds
     state[10:15] = modes
-    state[chasing_cars._BEGUN] = 1.0
+    state[chasing_cars._HAS_ACTION] = 1.0
     return state, np.empty(5)
 
 
@@ -202,7 +202,7 @@ def test_all_modes_give_the_same_numbers_without_numba() -> None:
         "from rtamt_envs import chasing_cars as cars\n"
         "state, seen = np.zeros(cars.SCENARIO.state), np.empty(5)\n"
         "state[:5], state[5:10] = [0, 5.15, 15, 25, 41], [2.5, 0.5, 0, 1, 1]\n"
-        "state[11:15], state[cars._BEGUN] = cars._KEEPING, 1.0\n"
+        "state[11:15], state[cars._HAS_ACTION] = cars._KEEPING, 1.0\n"
         "rest = np.zeros(2), cars.SCENARIO.defaults, np.zeros(0), state, seen\n"
         "for step in range(400):\n"
         "    if step == 300:\n"

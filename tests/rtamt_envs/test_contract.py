@@ -240,7 +240,7 @@ def test_a_picture_shows_the_episode(name: str) -> None:
     assert (frame < 250).any(axis=2).mean() > 0.01
     env.reset(seed=0)
     assert (frame != env.render()).any()
-    with pytest.warns(UserWarning, match="make the environment with render_mode"):
+    with pytest.warns(UserWarning, match="create the environment with render_mode"):
         assert made(name).render() is None
 
 
@@ -276,11 +276,11 @@ def test_a_function_stays_as_it_is_where_numba_is_not_installed(
         ),
         (
             lambda: made("RequestGrant").episode(),
-            "of an environment with render_mode='rgb_array', got render_mode=None",
+            "the environment records no episode; create it with render_mode='rgb_array'",
         ),
         (
             lambda: made("RequestGrant", render_mode="rgb_array").episode(),
-            "expected an episode of an environment with render_mode='rgb_array', got none",
+            "no episode has started; call reset() first",
         ),
         (
             lambda: made("RequestGrant").reset(options={"delay": "long"}),

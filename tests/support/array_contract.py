@@ -165,7 +165,7 @@ class OnlineContract:
                 InputError,
                 "1 variable (x), got shape (2, 3)",
             ),
-            (lambda m, s, _: m.update(s, {"x": [1.0, 2.0]}), InputTypeError, ".asarray makes them"),
+            (lambda m, s, _: m.update(s, {"x": [1.0, 2.0]}), InputTypeError, "convert with"),
             (
                 lambda m, s, _: m.update(s, None),
                 InputTypeError,
@@ -179,7 +179,7 @@ class OnlineContract:
             ),
             (lambda m, s, t: m.reset(s, t([1.0] * 2)), InputTypeError, "mask of booleans"),
             (lambda m, s, _: m.reset(s, [True] * 2), InputTypeError, "of shape (2,), got "),
-            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), indices) makes"),
+            (lambda m, s, t: m.reset(s, t([0, 1])), InputTypeError, ".arange(2), indices) for"),
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
             (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
@@ -223,7 +223,7 @@ class OnlineContract:
 
     def test_states_of_another_specification_are_refused(self) -> None:
         monitor, other = map(self.library.arrays.online, ("once[0:1](x > 0)", "once[0:9](x > 0)"))
-        with pytest.raises(InputError, match="it is that of another specification"):
+        with pytest.raises(InputError, match="the state belongs to another specification"):
             monitor.update(other.init(2), {"x": self.library.tensor([1.0, 1.0])})
 
     def test_online_refuses_unbounded_future(self) -> None:
@@ -350,7 +350,7 @@ class EpisodeContract:
         arrays, x = self.library.arrays, {"x": self.library.tensor([1.0, 1.0])}
         monitor = arrays.episode("always(x > 0)")
         other = arrays.episode("always(once[0:3](x > 0))")
-        with pytest.raises(InputError, match="that of another specification"):
+        with pytest.raises(InputError, match="the state belongs to another specification"):
             monitor.update(other.init(2), x)
         with pytest.raises(InputTypeError, match="expected a state of this monitor"):
             monitor.reset(arrays.online("x > 0").init(2))
@@ -551,8 +551,8 @@ class OfflineContract:
         [
             ([], {}, InputError, "1 sample or more"),
             (1.0, {}, InputError, "axis of samples"),
-            ([1.0], {"temperature": 1.0}, InputError, "expected no temperature"),
-            ([1.0], {"semantics": "smooth"}, InputError, "got none"),
+            ([1.0], {"temperature": 1.0}, InputError, "no effect with"),
+            ([1.0], {"semantics": "smooth"}, InputError, "needs a temperature"),
             ([1.0], {"semantics": "smoth"}, InputError, "did you mean 'smooth'"),
             ([1.0], {"semantics": "smooth", "temperature": 0}, InputError, "above 0, got 0"),
             ([1.0], {"semantics": "smooth", "temperature": math.inf}, InputError, "finite"),
@@ -601,5 +601,5 @@ class OfflineContract:
         assert message in str(refused.value)
 
     def test_formulas_without_variables_are_refused(self) -> None:
-        with pytest.raises(InputError, match="a variable"):
+        with pytest.raises(InputError, match="the formula has no variable"):
             self.library.arrays.evaluate("true", {})

@@ -17,7 +17,7 @@ def found(case: Case, smooth: Any) -> Case:
     """Milliseconds a step, and the standard robustness that is reached; ``smooth`` is ascended."""
     unicycle.robustness, standard = smooth, unicycle.robustness
     start = 0.3 * jax.random.normal(jax.random.key(1), (2, unicycle.SAMPLES - 1))
-    run = jax.jit(lambda start: unicycle.ascended(start, smooth=True)[0])
+    run = jax.jit(lambda start: unicycle.ascend(start, smooth=True)[0])
     compiling = processor_seconds(lambda: run.lower(start).compile())
     controls = run(start)
     whole = least(lambda: run(start).block_until_ready(), 2 if case["quick"] else 5)
