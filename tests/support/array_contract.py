@@ -183,7 +183,7 @@ class OnlineContract:
             (lambda m, s, t: m.reset(s, t([True] * 3)), InputError, "mask of shape (2,)"),
             (lambda m, s, t: m.reset(s._replace(nan=t([1, 0]))), InputTypeError, "as 'nan', got"),
             (lambda m, s, _: m.reset(s._replace(age=[0, 0])), InputTypeError, "'age', got list"),
-            (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "other entries"),
+            (lambda m, s, _: m.reset(s._replace(ring=m.init(3).ring)), InputError, "or batch size"),
             (lambda m, *_: m.init(0), InputError, "expected 1 or more batch entries, got 0"),
             (lambda m, *_: m.init(2.0), InputTypeError, "number of batch entries, got 2.0"),
             (lambda m, *_: m.init(True), InputTypeError, "number of batch entries, got True"),  # noqa: FBT003
