@@ -179,6 +179,9 @@ def _instead(rest: Sequence[str], command: str) -> str:
     if (same := _SAME.get(option)) in known:
         value = value if equals else (rest[1] if len(rest) > 1 else "")
         return f"; write {same} {value}".rstrip()
+    others = [name for name in COMMANDS if option in options_of(name).values()]
+    if option.startswith("--") and others:
+        return f"; {option} is an option of rtamt {', '.join(others)}"
     return nearest(option, known)
 
 

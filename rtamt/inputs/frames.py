@@ -65,10 +65,13 @@ def names_of(data: object) -> list[Any] | None:
 def check_roles(data: object, variables: Sequence[str], *, timed: bool) -> None:
     """Check that a frame is a single trace, and has no times that bounds would ignore.
 
-    Other data is not checked. ``timed`` states that the formula has bounds and there is no period.
+    A mapping is checked for columns that are named as times; an array is not checked. ``timed``
+    states that the formula has bounds and there is no period.
     """
     names = names_of(data)
     if names is None:
+        if timed and isinstance(data, Mapping):
+            _check_named_times(data, variables)
         return
     frame = cast("Any", data)
     ignored = [name for name in names if str(name) not in variables]
@@ -161,6 +164,14 @@ def _filled(values: object) -> NDArray[np.bool_]:
     return np.ones(len(array), bool)
 
 
+def _check_named_times(data: Mapping[Any, Any], variables: Sequence[str]) -> None:
+    for name, values in data.items():
+        if isinstance(name, str) and name not in variables and unit_of_times(name) is not None:
+            array = np.asarray(values)
+            if array.ndim == 1 and len(array) > 1:
+                raise _no_period("mapping", f"a column of times '{name}'", array, "drop it")
+
+
 def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # noqa: ANN401
     index: Any = getattr(frame, "index", None)
     if index is not None and _holds_times(index, str(index.name or ""), first=True):
@@ -174,10 +185,15 @@ def _check_times(frame: Any, ignored: Sequence[Any], first: object) -> None:  # 
             return
         times = frame[called[0]]
         phrase, without = f"a column of times '{called[0]}'", "drop it"
+    raise _no_period("data frame", phrase, times, without)
+
+
+def _no_period(kind: str, phrase: str, times: Any, without: str) -> InputError:  # noqa: ANN401
+    """Return the error for times that the bounds of a formula would ignore."""
     values = np.asarray(times)[:2].tolist() if _is_plain(times) else [str(t) for t in times[:2]]
     shown = " and ".join(map(str, values))
-    raise InputError(
-        f"expected a period, because the data frame has {phrase}, which begins with {shown}; "
+    return InputError(
+        f"expected a period, because the {kind} has {phrase}, which begins with {shown}; "
         f"pass period=, the time between two samples, or {without} to count bounds in samples"
     )
 

@@ -163,7 +163,11 @@ def refusals(
 ) -> Iterator[tuple[int, InputError]]:
     """Yield the number and the error of each trace that `check_roles` refuses."""
     names = names_of(data)
-    if names is None or not len(rows.lengths):
+    if names is None:
+        if len(rows.lengths):
+            check_roles(data, variables, timed=timed)
+        return
+    if not len(rows.lengths):
         return
     ignored = [name for name in names if str(name) not in variables]
     first = str(names[0])

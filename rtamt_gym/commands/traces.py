@@ -272,6 +272,8 @@ def add_columns(group: argparse._ActionsContainer) -> None:
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
     """Read the requirements and the options of evaluation, and find the traces."""
     specs, traces = _divided([*options.specs, options.trace])
+    if "" in specs:
+        raise InputError("expected a requirement, got an empty text; write always(x > 0)")
     if (listed := getattr(options, "files_from", None)) is not None:
         from rtamt_gym.commands.file_lists import listed_paths
 

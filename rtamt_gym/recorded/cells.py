@@ -106,7 +106,7 @@ class TextCells(Sequence[str]):
         return _numbers_in(self._texts, decimal, gaps=gaps, nan=nan)
 
     def integers(self) -> NDArray[np.int64] | None:
-        """Return the cells as integers of 64 bits; None if one is not."""
+        """Return the cells as 64-bit integers; None if a cell is not an integer."""
         if set(self._together) <= set("0123456789- ") and all(map(str.strip, self)):
             try:
                 return np.array(list(map(int, self)), np.int64)

@@ -477,6 +477,17 @@ def _is_scalar(value: object) -> bool:
 _FUNCTION_HINT = "; a callable takes a rtamt_gym.Step, such as lambda step: step.obs[0]"
 
 
+def checked_mapping(signals: object) -> Mapping[str, Any]:
+    """Return the signals, none for None; raise InputTypeError if they are not a mapping."""
+    if signals is None:
+        return {}
+    if not isinstance(signals, Mapping):
+        raise InputTypeError(
+            f'expected a mapping such as signals={{"x": "obs[0]"}}, got {signals!r}'
+        )
+    return signals
+
+
 def parse_signals(
     signals: Mapping[str, Any],
     variables: Iterable[str],
@@ -503,10 +514,7 @@ def parse_signals(
             without a signal. Other signals may serve other specifications, and are not read.
         InputTypeError: If ``signals`` is not a mapping.
     """
-    if not isinstance(signals, Mapping):
-        raise InputTypeError(
-            f'expected a mapping such as signals={{"x": "obs[0]"}}, got {signals!r}'
-        )
+    signals = checked_mapping(signals)
     names = list(dict.fromkeys(variables))
     others = [name for name in signals if name not in names]
     known = {**(own or {}), **signals}

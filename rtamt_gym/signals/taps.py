@@ -93,7 +93,7 @@ _RESCALING = (
 
 
 def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescaled: bool) -> Any:
-    """Return the innermost wrapper that rescales observations, if signals are read beneath it.
+    """Return the innermost wrapper that rescales observations, if signals are read below it.
 
     Args:
         env: The environment.
@@ -135,16 +135,16 @@ def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescale
         return None
     phrase = f"{signal} is given" if signal.source is None else f"{signal} reads"
     below_it = Argument("below", value=True)
-    advice: tuple[object, ...] = ("pass ", below_it, " to read beneath it, ")
+    advice: tuple[object, ...] = ("pass ", below_it, " to read below it, ")
     if inside is not None:
-        advice = ("wrap each environment inside of it with StlMonitor, or pass ",)
+        advice = ("wrap each environment inside it with StlMonitor, or pass ",)
     raise InputError(
-        f"signal {signal.name!r}: {phrase} observations that a {name} inside of the monitor has "
-        "rescaled, and formulas mean other numbers there; ",
+        f"signal {signal.name!r}: {phrase} observations that a {name} inside the monitor has "
+        "rescaled, so formulas would compare other numbers; ",
         *advice,
         Argument("rescaled", value=True),
-        " to mean these",
-        "" if inside is not None else ", or put the monitor inside of it",
+        " to use the rescaled numbers",
+        "" if inside is not None else ", or put the monitor inside it",
     )
 
 

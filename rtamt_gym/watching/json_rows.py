@@ -73,7 +73,7 @@ class JsonRows:
             raise InputError(f"{self._source}: expected one JSON object in each line, got none")
 
     def rows(self, lines: list[bytes], first: int) -> Iterator[RowBlock | BadLine]:
-        """Yield the rows in lines, of which the first has a number."""
+        """Yield the rows of the lines; ``first`` is the number of the first line."""
         if first == 1 and lines:
             lines[0] = lines[0].removeprefix(b"\xef\xbb\xbf")
         if self._plain and (block := self._fast(lines, first)) is not None:

@@ -50,7 +50,13 @@ from rtamt_gym.signals.periods import (
     warn_of_unverified_period,
     why_no_period,
 )
-from rtamt_gym.signals.signals import SignalLike, Source, own_signals, parse_signals
+from rtamt_gym.signals.signals import (
+    SignalLike,
+    Source,
+    checked_mapping,
+    own_signals,
+    parse_signals,
+)
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import ReadPeriod, StepTime
 from rtamt_gym.signals.taps import rescaling, tapped
@@ -147,7 +153,7 @@ class Monitoring(Observing):
         self._on_violation = violation_words(options["on_violation"], loaded)
         self._constants = Constants(loaded)
         variables = [name for spec in loaded.values() for name in spec.variables]
-        explicit, own = ({} if signals is None else signals), own_signals(env)
+        explicit, own = checked_mapping(signals), own_signals(env)
         read = {name: (explicit if name in explicit else own).get(name) for name in variables}
         cost = () if self._cost is None else (Argument("cost", self._cost),)
         self._of_monitors, refuse_nan = with_unknown_start(reading, read, *cost)

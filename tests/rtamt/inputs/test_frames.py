@@ -1,5 +1,6 @@
 """Data frames of pandas and polars and tables of Arrow are read as mappings are."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -276,3 +277,22 @@ def test_the_newest_first_and_levels_of_rows_are_refused(make: Make) -> None:
     levels = pd.MultiIndex.from_product([[0, 1], range(3)], names=["a", "b"])
     with pytest.raises(rtamt.InputError, match="another trace starts in row 3"):
         rtamt.judge("always(x > 1)", pd.DataFrame({"x": np.arange(6.0)}, index=levels))
+
+
+@pytest.mark.parametrize("name", ["time", "t", "Time [s]"])
+def test_times_of_a_mapping_error(name: str) -> None:
+    trace = {name: [0.0, 0.5, 1.0], "x": [5.0, 4.0, 0.0]}
+    message = rf"^expected a period, because the mapping has a column of times '{re.escape(name)}'"
+    for call in (rtamt.evaluate, rtamt.judge, rtamt.explain, rtamt.occurrences):
+        with pytest.raises(rtamt.InputError, match=message):
+            call("always[0:1](x > 1)", trace)
+    with pytest.raises(rtamt.InputError, match=r"^trace 0: expected a period, because the mapping"):
+        rtamt.judge_many("always[0:1](x > 1)", [trace])
+    assert rtamt.judge("always[0:1](x > 1)", trace, period=0.5).verdict.name == "VIOLATED"
+    assert rtamt.judge("always(x > 1)", trace).verdict.name == "VIOLATED"
+
+
+def test_joined_times_of_a_mapping_error() -> None:
+    trace = {"time": [0.0, 0.5, 1.0, 0.0], "x": [5.0, 4.0, 0.0, 3.0]}
+    with pytest.raises(rtamt.InputError, match="expected a period, because the mapping"):
+        rtamt.judge_many("always[0:1](x > 1)", trace, lengths=[3, 1])

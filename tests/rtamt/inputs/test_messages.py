@@ -109,7 +109,7 @@ def test_blocks_take_messages_in_a_row_and_nested_columns(
     messages = [Twist(Vector(x, y)) for x, y in zip(a, b, strict=True)]
     blocks: list[Mapping[str, Any]] = [
         {"cmd": messages, "c": c},
-        {"cmd": tuple({"linear": vars(m.linear)} for m in messages), "c": c, "time": range(n)},
+        {"cmd": tuple({"linear": vars(m.linear)} for m in messages), "c": c, "other": range(n)},
         {"cmd": np.array(messages, object), "c": np.array(c)},
         {"cmd": {"linear": {"x": a, "y": np.array(b)}}, "c": c},
         {"cmd.linear": [m.linear for m in messages], "c": c},

@@ -140,6 +140,13 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
                 "see rtamt monitor --help"
             ),
         ),
+        (
+            "monitor spec.stl trace.csv --screen",
+            (
+                "unrecognized arguments: --screen; --screen is an option of rtamt run, watch; "
+                "see rtamt monitor --help"
+            ),
+        ),
         ("monitor spec.stl trace.csv --junit --", "argument --junit: expected a value, got '--'"),
         ("monitor --out -- spec.stl trace.csv", "argument --out: expected a value, got '--'"),
         (
@@ -287,6 +294,12 @@ def test_monitor_needs_no_extra() -> None:
         ["gymnasium", "mujoco", "highway_env", "matplotlib"], ["monitor", "spec.stl", "trace.csv"]
     )
     assert (ran.returncode, ran.stderr) == (1, "")
+
+
+@pytest.mark.usefixtures("folder")
+def test_empty_requirement_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "", "trace.csv"]) == 2
+    assert "expected a requirement, got an empty text; write always" in capsys.readouterr().err
 
 
 @pytest.mark.slow(keep=2)

@@ -66,14 +66,14 @@ def test_an_observation_that_was_rescaled_is_refused(signal: Any, reads: str) ->
         with pytest.raises(InputError) as caught:
             run()
         assert str(caught.value) == (
-            f"signal 'x': {reads} observations that a NormalizeObservation inside of the monitor "
-            "has rescaled, and formulas mean other numbers there; pass below=True to read beneath "
-            "it, rescaled=True to mean these, or put the monitor inside of it"
+            f"signal 'x': {reads} observations that a NormalizeObservation inside the monitor "
+            "has rescaled, so formulas would compare other numbers; pass below=True to read below "
+            "it, rescaled=True to use the rescaled numbers, or put the monitor inside it"
         )
 
 
 def test_an_evaluation_and_vectors_refuse_it_too() -> None:
-    with pytest.raises(InputError, match="inside of the monitor has rescaled"):
+    with pytest.raises(InputError, match="inside the monitor has rescaled"):
         evaluate_policy("zero", normalized(), SPEC, X, episodes=2)
     for envs, name in (
         (NormalizeObservations(sync([pole] * 2, AutoresetMode.NEXT_STEP)), "NormalizeObservation"),
@@ -83,7 +83,7 @@ def test_an_evaluation_and_vectors_refuse_it_too() -> None:
             VectorStlMonitor(envs, "always(abs(x) < 9)", X)
         with pytest.raises(InputError, match=f"observations that a {name} inside"):
             VectorStlReward(envs, "always(abs(x) < 9)", X, mode="add")
-    with pytest.raises(InputError, match="wrap each environment inside of it with StlMonitor, or"):
+    with pytest.raises(InputError, match="wrap each environment inside it with StlMonitor, or"):
         VectorStlMonitor(sync([normalized] * 2, AutoresetMode.NEXT_STEP), SPEC, X)
 
 
@@ -212,5 +212,5 @@ def test_options_that_do_not_fit_are_refused(
         simulate(lambda t: {"x": t}, SPEC, period=1, duration=2, below=True)
     StlMonitor(pole(), SPEC, X, rescaled=True)
     box = functools.partial(RescaleObservation, min_obs=np.float32(-1), max_obs=np.float32(1))
-    with pytest.raises(InputError, match="a RescaleObservation inside of the monitor"):
+    with pytest.raises(InputError, match="a RescaleObservation inside the monitor"):
         StlMonitor(box(gym.make("Pendulum-v1")), SPEC, X)

@@ -104,6 +104,11 @@ def test_wrong_option_of_one_and_of_many(arguments: dict[str, Any], message: str
                 "counts steps"
             ),
         ),
+        (
+            {"signals": ["x"]},
+            InputTypeError,
+            """expected a mapping such as signals={"x": "obs[0]"}, got ['x']""",
+        ),
         ({"specs": {}}, InputError, "expected at least one specification, got an empty mapping"),
         (
             {"specs": 3},
