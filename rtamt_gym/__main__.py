@@ -121,7 +121,7 @@ def _command(argv: Sequence[str]) -> str:
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    argv = new_options(argv)
+    argv = written = new_options(argv)
     command = _command(argv)
     if command == "monitor":
         if "numpy" not in sys.modules:
@@ -154,6 +154,8 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         (options.source,) = remainder  # argparse takes the default before the first option
     elif remainder:
         # argparse leaves them to the parser of all commands.
+        added = {*with_default_count(written)} - {*written}
+        remainder = [word.partition("=")[0] if word in added else word for word in remainder]
         near = _instead(remainder, command)
         raise InputError(
             f"unrecognized arguments: {' '.join(remainder)}{near}; "

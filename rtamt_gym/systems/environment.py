@@ -25,7 +25,7 @@ from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.monitor_set import Feed, MonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions, refuse_other
 from rtamt_gym.signals.periods import read_period
-from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
+from rtamt_gym.signals.signals import SignalLike, checked_mapping, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.signals.step_time import StepTime
@@ -119,7 +119,7 @@ class Environment(System):
     def known(self, signals: Signals) -> Mapping[str, SignalLike]:
         """Return the passed signals, then signals of the monitor and of the environment."""
         of_monitor = {} if self._monitor is None else self._monitor.judging.signals or {}
-        return {**own_signals(self._env), **of_monitor, **(signals or {})}
+        return {**own_signals(self._env), **of_monitor, **checked_mapping(signals)}
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Bind the selectors."""

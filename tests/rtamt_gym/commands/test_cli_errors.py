@@ -147,6 +147,14 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
                 "see rtamt monitor --help"
             ),
         ),
+        (
+            "watch spec.stl trace.csv --require-triggered",
+            (
+                "unrecognized arguments: --require-triggered; --require-triggered is an option of "
+                "rtamt run, evaluate, compare, sweep, falsify, replay, monitor, explain; "
+                "see rtamt watch --help"
+            ),
+        ),
         ("monitor spec.stl trace.csv --junit --", "argument --junit: expected a value, got '--'"),
         ("monitor --out -- spec.stl trace.csv", "argument --out: expected a value, got '--'"),
         (

@@ -269,3 +269,8 @@ def test_an_unstable_simulation_is_an_error() -> None:
 def test_counted_steps_are_a_duration() -> None:
     ended = simulate([{"level": 1.0}] * 9, LOW, period=1, duration=3, stop="end")
     assert (ended.ended, ended.steps) == ("duration", 3)
+
+
+def test_signals_without_mapping_error() -> None:
+    with pytest.raises(InputTypeError, match=r"^expected a mapping such as signals=.*got \['x'\]"):
+        simulate(gym.make("CartPole-v1"), "always(x < 1)", ["x"], policy=lambda _: 0)  # type: ignore[arg-type]
