@@ -113,7 +113,7 @@ def _messages(path: str, data: bytes) -> tuple[dict[int, _Type], dict[int, list[
     offset, size, head = 0, len(data), _HEAD
     while offset < size:
         if data[offset : offset + 2] != head[: size - offset]:
-            if not any(data[offset:]):  # the autopilot reserves space, which it fills with zeros
+            if not any(data[offset:]):  # the autopilot reserves space filled with zeros
                 break
             raise InputError(
                 f"{shown(path)}: expected a complete dataflash log of ArduPilot; the bytes from "

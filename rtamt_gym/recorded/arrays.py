@@ -39,7 +39,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 def _load_npz(path: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    # Opened here, because NumPy leaves a file open that it cannot read.
+    # Open the file here, because NumPy does not close a file that it cannot read.
     with Path(path).open("rb") as file, refusing(path, _ARCHIVE):
         archive = np.load(file, allow_pickle=False)
         if isinstance(archive, np.ndarray):
@@ -142,7 +142,7 @@ class ArrayRecording(Recording):
         for name in wanted.numbers:
             if name not in written:
                 numbers[name] = self._numbers(name, columns[name])
-                if not (name in invalid and invalid[name].any()):  # that has its own error
+                if not (name in invalid and invalid[name].any()):  # the reader reports these
                     none = empty.get(name, np.zeros(count, bool))
                     _check_gaps(name, numbers[name], none, wanted, where)
         for name in wanted.texts:
@@ -173,7 +173,7 @@ class ArrayRecording(Recording):
     def _place_of(self, rows: NDArray[np.intp]) -> Callable[[int], str]:
         """Return the place of each selected row, for messages."""
         place = self._where
-        if isinstance(place, RowNumbers):  # another process can hand it over
+        if isinstance(place, RowNumbers):  # it can be pickled
             return RowNumbers(self.source, rows)
         return lambda row: place(int(rows[row]))
 

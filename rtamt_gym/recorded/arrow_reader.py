@@ -38,7 +38,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         case ".feather" | ".arrow":
             with refusing(path, "a Feather file"):
                 table = pa.feather.read_table(path, memory_map=False)
-                # Arrow trusts the buffer sizes in the file, and would read beyond them.
+                # Arrow trusts the buffer sizes in the file, and could read beyond the file.
                 table.validate(full=True)
         case _:
             with refusing(path, "one JSON object in each line"):
@@ -77,7 +77,7 @@ def open_parquet(
             with refusing(path, "a whole Parquet file"):
                 batch = next(file.iter_batches(1, columns=lists))
             lengths = _lengths(_flat(pa.Table.from_batches([batch])))
-        unit = "s" if own else ""  # of a saved `Run`
+        unit = "s" if own else ""  # a saved `Run` has seconds
         first = 0 if span is None else span[0]
         yield ArrowRecording(fields, load, path, unit, lengths, columns.decimal, first)
 

@@ -231,7 +231,9 @@ def _added(
             kind, topic = _placed(publication, publications)
             addition = _Topic(kind, series.times, series.values)
             topic = _free(topic, bag)
-            if topic in added and not _same(added[topic], addition):  # another requirement has it
+            if topic in added and not _same(
+                added[topic], addition
+            ):  # another requirement uses the topic
                 stem = [publications[-1].default]
                 stem += (
                     []

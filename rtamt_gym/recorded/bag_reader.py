@@ -40,7 +40,7 @@ class Bag:
         counts: The number of messages on each topic.
         begin: The time of the first message on any topic.
         end: The time of the last message.
-        notes: What was read otherwise than it is written, in sentences to print.
+        notes: Sentences to print about changes that the reader made.
     """
 
     def __init__(self, reader: AnyReader, source: str) -> None:
@@ -64,7 +64,7 @@ class Bag:
                 f"{_RECOVERY.get(Path(source).suffix.lower(), '')}"
             )
         self.begin: int = reader.start_time
-        self.end: int = reader.end_time - 1  # rosbags returns the time after it
+        self.end: int = reader.end_time - 1  # rosbags returns one nanosecond more
         has_definitions = any(connection.msgdef.data for connection in reader.connections)
         self.notes: list[str] = []
         if reader.connections and not has_definitions:
@@ -173,7 +173,7 @@ class Bag:
             if topics is None or shown(connection.topic) in topics
         ]
         if not wanted:
-            return  # rosbags takes none for all
+            return  # rosbags would read all topics
         try:
             yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
@@ -184,7 +184,7 @@ class Bag:
         known = self.reader.typestore.fielddefs
         if kind not in known:
             return None
-        # rosbags cannot name an attribute as a word of Python.
+        # rosbags cannot use a Python keyword as an attribute.
         return {f"{name}_" if iskeyword(name) else name: phrase for name, phrase in known[kind][1]}
 
 
@@ -192,7 +192,7 @@ class Bag:
 def open_bag(path: str) -> Iterator[Bag]:
     """Open a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of a rosbag2 bag."""
     Path(path).stat()
-    humble = get_typestore(Stores.ROS2_HUMBLE)  # later ones write definitions into their bags
+    humble = get_typestore(Stores.ROS2_HUMBLE)  # later versions store definitions in bags
     try:
         reader = AnyReader([Path(path)], default_typestore=humble)
         reader.open()

@@ -131,7 +131,7 @@ def _check_near(
     others = {columns.signals.get(name, wish.whole) for name, wish in wishes.items()}
     read = {topic for source in others for topic in _alike(bag, read_source(source)[0])}
     free = [topic for topic in bag.types if bag.counts[topic] and topic not in read]
-    parts = 1 + where.strip("/").count("/")  # a text may leave out where a topic begins
+    parts = 1 + where.strip("/").count("/")  # a text may omit the start of a topic
     ends = {"/".join(topic.split("/")[-parts:]): topic for topic in free}
     near = near_name(where, ends)
     if near is not None:
@@ -194,7 +194,7 @@ def _placed(
     """Return the topic of a variable in the bag, and its path there."""
     source = columns.signals.get(variable)
     if source is not None and variable != message:
-        wish, path = _Wish(), ()  # a field with a source of its own
+        wish, path = _Wish(), ()  # a field with its own source
     else:
         source = columns.signals.get(message)
     where, prefix = read_source(source or wish.whole)

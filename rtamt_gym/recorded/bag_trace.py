@@ -146,7 +146,7 @@ def read_signals(
     _check_clocks(bag, offsets)
     zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
-    if clock == "log":  # the metadata of a bag in several files may tell of the first alone
+    if clock == "log":  # metadata may describe only the first of several files
         zero, end = min(zero, bag.begin), max(end, bag.end)
     else:
         others = [*_ends_of_others(bag, spans, offsets)]
@@ -221,14 +221,14 @@ def _times(
 
     With stamps, late messages and strays do not count (`rtamt.inputs.stamps.StampOrder`).
     """
-    if not messages.logged:  # though the index of the bag counts some
+    if not messages.logged:  # the index of the bag may still count messages
         raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
     logged = np.array(messages.logged, np.int64)
     times = logged
-    order = np.argsort(logged, kind="stable")  # files of one bag may overlap
+    order = np.argsort(logged, kind="stable")  # files of a bag may overlap
     if stamped:
         times = np.array(messages.stamps, np.int64)
-        if not times.any():  # no header, or one that nobody has set
+        if not times.any():  # no header, or an unset header
             times = logged
             notes.append(f"{messages.topic} has no stamps: its times are when it was recorded")
     if times is not logged:

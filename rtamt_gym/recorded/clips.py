@@ -69,7 +69,7 @@ def clips_of(rows: Sequence[Trial], around: float, most: int) -> tuple[list[list
                 continue
             if occurrences.unit != "s":
                 raise InputError(
-                    f"--clip: {row.name} has no times, by which clips are cut. If a column holds "
+                    f"--clip: {row.name} has no times, which clips need. If a column holds "
                     "times, name it with --time COLUMN."
                 )
             total += len(occurrences)

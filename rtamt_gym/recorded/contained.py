@@ -120,7 +120,7 @@ class _Process:
             raise InputError(
                 f"{shown(path)}: expected a whole file, but its reader {ending}"
             ) from None
-        except BaseException:  # an interrupt: nobody reads the pending answer
+        except BaseException:  # an interrupt leaves an unread answer
             self.end()
             raise
         finally:
@@ -190,11 +190,11 @@ def _end_idle() -> None:
 
 def serve() -> None:
     """Answer requests until standard input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has asked
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the parent handles Ctrl-C
     silence()
     requests = sys.stdin.buffer
     replies = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # a library that prints must not answer
+    os.dup2(2, 1)  # keep the output of libraries out of the answers
     with ExitStack() as opened:
         recording: Recording | None = None
         while True:

@@ -72,7 +72,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
         if isinstance(lines, list):
             yield CsvRecording(lines, path, columns)
             return
-        if not Path(path).is_file():  # a pipe, which cannot be read again
+        if not Path(path).is_file():  # a pipe cannot be read again
             yield CsvRecording(list(lines), path, columns)
             return
         plain = encoding != "utf-16" and Path(path).stat().st_size >= _LONG
@@ -239,7 +239,7 @@ class CsvRecording(Recording):
         table = self._split_by_pyarrow([*dict.fromkeys(names)] or self.names[:1])
         try:
             return None if table is None else self._rows(wanted, table)
-        except InputError:  # the other splitter may read the cell, or reports its line
+        except InputError:  # the csv module may read the cell, or reports its line
             return None
 
     def lines_above(self, name: str) -> int | None:
@@ -350,7 +350,7 @@ class CsvRecording(Recording):
 
     def _split_by_pyarrow(self, names: Sequence[str]) -> Mapping[str, TextCells] | None:
         """Return some columns; None if pyarrow does not split the file as the `csv` module does."""
-        if not self._fast or self.separator == " ":  # runs of blanks are several for pyarrow
+        if not self._fast or self.separator == " ":  # pyarrow splits at every blank of a run
             return None
         from rtamt_gym.recorded.arrow_columns import split_text
 

@@ -38,7 +38,7 @@ class Grid:
     def __init__(self, times: TimeAxis, jitter: float | None) -> None:
         self.jitter = NEAR if jitter is None else jitter
         since = times.since
-        with np.errstate(over="ignore"):  # steps past all floats are refused by who asks
+        with np.errstate(over="ignore"):  # callers refuse infinite steps
             self.steps = np.diff(since)
         self._exact = times.step
         self.usual = median(self.steps) if times.step is None else float(times.step)
@@ -49,7 +49,7 @@ class Grid:
         """The distance of the grid's points."""
         if self._exact is None and self.rises and np.isfinite(self.slope) and not self.even:
             self.slope = self._nearest_slope()
-            del self.even  # it is of the slope
+            del self.even  # it depends on the slope
 
     def _nearest_slope(self) -> float:
         """Return the step of the grid that is nearest to the samples.

@@ -318,7 +318,7 @@ def _are_simplest(period: Fraction, values: Floats, blurs: Floats) -> Booleans:
     denominator is unique if it is nearer than half of this distance.
     """
     power = max(1, len(str(period.denominator - 1)))
-    if power > 7:  # floats cannot tell
+    if power > 7:  # floats are too coarse
         return np.zeros(len(values), bool)
     room = 0.49 / 10.0 ** (2 * power)
     return np.asarray((np.abs(values - float(period)) <= 0.999 * blurs) & (blurs <= room))

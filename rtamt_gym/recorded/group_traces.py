@@ -94,7 +94,7 @@ class GroupTraces:
         if not (singly or columns.max_gap is not None or reading.dense):
             try:
                 self._layout = self._common(columns)
-            except RtamtError:  # each group has the error
+            except RtamtError:  # every group reports the error
                 self._layout = None
 
     @property
@@ -119,7 +119,7 @@ class GroupTraces:
             return None
         check_near(table.source, table.names, variables, columns)
         if recorded_variables(table.names, variables, columns) != variables:
-            return None  # some have their defaults
+            return None  # some variables have defaults
         numbers = needed_columns(recording, variables, columns, IF_EVENTS)
         rules = RowTable(recording, columns, read, time)
         if self._has_clocks(columns, time, read):
@@ -127,7 +127,7 @@ class GroupTraces:
         if time is None and bounded and period is None:
             named = any(unit_of_times(name) is not None for name in read)
             if rules.unread or named or table.above:
-                return None  # one of them may be times
+                return None  # a column may be times
         rows = self._rows(numbers, time, columns)
         if rows is None or rows.step is not None or rows.sparse:
             return None
@@ -193,7 +193,7 @@ class GroupTraces:
         rows = GroupRows(np.cumsum(lengths) - lengths, lengths)
         order = np.concatenate(places)
         span = slice(int(order[0]), int(order[-1]) + 1)
-        # Without a copy, if the rows are neighbours.
+        # Avoid a copy if the rows are neighbours.
         chosen: Any = order
         if span.stop - span.start == len(order) and bool((np.diff(order) == 1).all()):
             chosen = span

@@ -100,8 +100,8 @@ class GroupTable:
             if np.any(empty):
                 row = int(np.argmax(empty))
                 raise InputError(
-                    f"{rows.where(row)}, column '{name}': expected a value, by which --by tells "
-                    "traces apart, got an empty cell"
+                    f"{rows.where(row)}, column '{name}': expected a value of this --by column, "
+                    "got an empty cell"
                 )
         groups = groups_of({n: column[there] for n, column in cells.items()}, self._columns.by)
         order = there if groups.order is None else there[groups.order]

@@ -379,7 +379,7 @@ def noticed(
         try:
             judges = _dense_ways(spec, events, late, reading)
             return _by_start(judges, late, reading.end, known=events.start_known)[0].verdict
-        except rtamt.RtamtError:  # it counts samples, for instance
+        except rtamt.RtamtError:  # for instance, the requirement counts samples
             return None
 
     its = verdict(requirement)

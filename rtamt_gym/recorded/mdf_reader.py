@@ -31,7 +31,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
     """Open a measurement."""
     with Path(path).open("rb") as raw:
         with refusing(path, "a whole MDF file"):
-            # As bytes of a file, because asammdf fails again when it closes a path it cannot read.
+            # Pass an open file, because asammdf fails again when it closes an unreadable path.
             file = MDF(raw)
             recording = MdfRecording(file, path, columns.same_time)
         with file:
@@ -76,7 +76,7 @@ class MdfRecording(Recording):
         notes: list[str] = []
         for name, group, index in self._places:
             if name in names or (not names and not signals):
-                # Otherwise invalid samples are left out, and the sample before them seems to hold.
+                # Otherwise, asammdf omits invalid samples, and the sample before seems to hold.
                 with refusing(self._path, "a whole MDF file"):
                     signals[name] = self._signal(name, group, index, notes)
         lines = [signal.times for signal in signals.values()]

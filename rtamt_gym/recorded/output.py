@@ -154,7 +154,7 @@ def _arrow(table: ColumnTable) -> pa.Table:
         if column.dtype.kind == "U":
             return pa.array(column.tolist())
         kind = pa.float64() if column.dtype.kind == "f" else pa.int64()
-        # Without a copy, and without the import of pandas that pa.array makes.
+        # Avoid a copy, and the import of pandas by pa.array.
         buffer = pa.py_buffer(np.ascontiguousarray(column))
         return pa.Array.from_buffers(kind, len(column), [None, buffer])
 

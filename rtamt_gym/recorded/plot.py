@@ -84,7 +84,7 @@ def draw_trace(
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
     if left_out:
-        # Below the title, where the layout keeps room for it.
+        # Place the text below the title, where the layout keeps room.
         axes[0].set_title(left_out, fontsize=9, loc="left", color=drawing.OPEN)
     timed = any(
         s.step is not None for judged in judgements.values() for s in judged.series.values()

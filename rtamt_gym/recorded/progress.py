@@ -50,9 +50,9 @@ def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
         return
 
     class Bar(tqdm):  # type: ignore[misc]  # not typed
-        monitor_interval = 0  # its thread would keep a process from being forked
+        monitor_interval = 0  # its thread would prevent forks
 
-    scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 no better than 10
+    scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 is not shorter than 10
     with Bar(
         desc=title, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False
     ) as bar:

@@ -177,7 +177,7 @@ def folder_format(path: str | Path) -> Format | None:
             return None
         rows = (row for row in formats() if row.marker and (folder / row.marker).is_file())
         return next(rows, None)
-    except (OSError, ValueError):  # a formula may be longer than a name
+    except (OSError, ValueError):  # the text may be a formula that is too long for a path
         return None
 
 

@@ -82,7 +82,7 @@ def _with_period(
     timed = any(spec.timed for spec in specs.values())
     period = trace.period(timed=timed)
     if period is None and trace.times is not None:
-        period = trace.times.step  # of one sample, if the format states it
+        period = trace.times.step  # a format may state it even for one sample
     if period is not None and trace.times is not None:
         check_bounds(specs, reading.having(period=period), trace.times.unit_doubt)
     trace = _noted(trace, columns)

@@ -83,7 +83,7 @@ def read_trace(
     time = find_times(recording, columns, read=read, needed=needed)
     if time is None and option is not None:
         raise InputError(
-            f"{recording.source}: expected a column of times, which {option} speaks of; the "
+            f"{recording.source}: expected a column of times, which {option} needs; the "
             f"columns are {listed(recording.names, TIME)}; give --time COLUMN"
         )
     check_near(recording.source, recording.names, variables, columns)
@@ -189,7 +189,7 @@ def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
         return trace
     same = same_as_before(trace.times.since)
     if not same.any() or (np.diff(trace.times.since)[~same] < 0).any():
-        return trace  # the second is refused later
+        return trace  # decreasing times are an error later
     first = np.append(True, ~same)
     group, seconds, notes = np.cumsum(first) - 1, trace.times.seconds, [*trace.notes]
     merged = {}
@@ -311,7 +311,7 @@ def _without_empty(
             step = simple(usual, 1e-9 * usual)  # the row between them is missing
             selected = replace(selected, times=replace(selected.times, step=step))
     times = selected.times
-    # For the note where a stated period contradicts the times of the rows that stay.
+    # The grid serves the note on a period that contradicts the remaining times.
     grid = Grid(times, trace.jitter) if times is not None and selected.samples > 1 else None
     return replace(selected, notes=[*trace.notes, note], grid=grid)
 
@@ -345,7 +345,7 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
     on_grid = trace.selected(new.rows)
     times = replace(trace.times, since=since, step=new.period)
     notes = [*trace.notes, *_resampled_notes(trace, grid, new, columns.most)]
-    # A sample in a hole has no value, and neither has one between two rows, the second unknown.
+    # A sample in a hole, or before an unknown row, has no value.
     hole = new.held & (np.append(grid.steps, 0.0)[new.rows] > columns.most)
     after = np.minimum(new.rows + 1, trace.samples - 1)
     resampled_values = dict(on_grid.columns)
@@ -371,7 +371,7 @@ def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
     sampled_rows = np.unique(rows)
     if len(sampled_rows) == trace.samples:
         return None
-    starts = np.append(0, sampled_rows[:-1] + 1)  # the last part goes on to the last row
+    starts = np.append(0, sampled_rows[:-1] + 1)  # the last part ends at the last row
     again = np.append(False, rows[1:] == rows[:-1])
     lower, upper = dict[str, Floats](), dict[str, Floats]()
     other = np.zeros(trace.samples, bool)
@@ -379,7 +379,7 @@ def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
         np.minimum(np.searchsorted(sampled_rows, np.arange(trace.samples)), len(sampled_rows) - 1)
     ]
     for name, column in trace.columns.items():
-        values = np.where(np.isnan(column), column[owners], column)  # an empty cell shows nothing
+        values = np.where(np.isnan(column), column[owners], column)  # ignore empty cells
         differs = (values != values[owners]) & ~np.isnan(values)
         if not differs.any():
             continue

@@ -84,7 +84,7 @@ def sampled(
             f"{signals.source}: expected 1 to {_MOST} samples, got {got} {float(period):g} s in "
             f"{(signals.end - zero) / 1e9:.6g} s; give a {advice}, or --dense"
         )
-    # A message at a fraction of a nanosecond there is not: rounding down loses none.
+    # Times of messages are whole nanoseconds, so rounding down loses no message.
     after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
     places: Stamps = zero + after.astype(np.int64)
     columns = columns or Columns()

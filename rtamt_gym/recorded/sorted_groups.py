@@ -80,8 +80,8 @@ class SortedGroups:
             if np.any(empty):
                 row = int(chosen[int(np.argmax(empty))])
                 raise InputError(
-                    f"{rows.where(row)}, column '{name}': expected a value, by which --by tells "
-                    "traces apart, got an empty cell"
+                    f"{rows.where(row)}, column '{name}': expected a value of this --by column, "
+                    "got an empty cell"
                 )
         starts = np.append(0, np.flatnonzero(_changes(cells)) + 1)
         texts = zip(*(cell_texts(column[starts]) for column in cells), strict=True)

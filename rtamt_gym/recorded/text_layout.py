@@ -87,7 +87,7 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
             break
         first = below
     table = _Candidate.below(lines, first, separator)
-    if table.fits and (table.rows or first == full[-1]):  # a quote may take all rows in
+    if table.fits and (table.rows or first == full[-1]):  # a quote may span all rows
         return table.layout
     for row in full[full.index(first) :]:
         other = _Candidate.below(lines, row, separator)
@@ -161,7 +161,7 @@ def _names_of(lines: Sequence[str], at: int, below: int, separator: str | None) 
     table = _Candidate.below(lines, at, separator)
     if not table.rows or len(table.rows[0]) != table.layout.width:
         return False
-    if "" in table.layout.names:  # a line of another kind, as in annotated files
+    if "" in table.layout.names:  # another kind of line, as in annotated files
         return False
     if any(map(_is_value, table.rows[0])):
         return True
@@ -195,7 +195,7 @@ class _Candidate:
         rows = [*map(itemgetter(1), numbered)]
         names, rows = [name.strip() for name in rows[0]] if rows else [], rows[1:]
         if len(lines) >= TOP and len(rows) > 1:
-            del rows[-1]  # its end may be missing
+            del rows[-1]  # the last row may be cut
         named = len(names)
         while named and not names[named - 1]:
             named -= 1

@@ -140,7 +140,7 @@ class ColumnMarks:
     def _add_unmarked(self, cells: TextCells, row: int) -> None:
         if self.certain or self.ungrouped is not None:
             return
-        matches = map(_INTEGER.fullmatch, map(str.strip, {*cells}))  # most integers come again
+        matches = map(_INTEGER.fullmatch, map(str.strip, {*cells}))  # most integers repeat
         self.digits = max(
             self.digits, max((len(m[1]) for m in matches if m is not None), default=0)
         )
@@ -327,7 +327,7 @@ class TextNumbers:
         numeric = {name: marks for name, marks in self._marks.items() if not marks.text}
         evidence = {**_evidence(numeric), **evidence}
         decisive = next(iter(evidence), None)
-        evidence = {**_evidence(self._marks), **evidence}  # texts raise doubts, and decide nothing
+        evidence = {**_evidence(self._marks), **evidence}  # texts do not decide the mark
         if len(evidence) == 2:
             raise self._two_marks(evidence, _BY_OPTION)
         if decisive is not None:

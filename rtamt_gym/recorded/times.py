@@ -279,9 +279,9 @@ class TimeAxis:
         if absurd:
             readings = plausible_units(raw)
             if column == "%time" and raw.dtype.kind != "f" and "ns" in readings:
-                unit_name = decided = "ns"  # of rostopic
+                unit_name = decided = "ns"  # rostopic writes nanoseconds
         unit = UNITS[unit_name or "s"]
-        with np.errstate(over="ignore"):  # of times that `check_distances` refuses
+        with np.errstate(over="ignore"):  # `check_distances` refuses these times
             since = in_seconds(raw - raw[0], unit)
         most = float(np.abs(raw).max())
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
@@ -388,7 +388,7 @@ class TimeAxis:
             )
         if self.certain or len(self.since) < 2:
             return ""
-        if not (np.diff(self.since[:_FEW]) >= 1).all():  # most times show it in a few
+        if not (np.diff(self.since[:_FEW]) >= 1).all():  # a few times usually decide
             return ""
         steps = np.diff(self.since)
         if not (steps >= 1).all():
@@ -485,7 +485,7 @@ def in_seconds(raw: RawTimes, unit: int) -> Floats:
     return floats * (unit // second) if unit >= second else floats / (second // unit)
 
 
-@lru_cache(maxsize=1024)  # recordings of one clock
+@lru_cache(maxsize=1024)  # traces of one clock repeat the values
 def simple(value: float, blur: float) -> Fraction:
     """Return a fraction with a small denominator within ``blur`` of a value."""
     near = Fraction(value)

@@ -52,7 +52,7 @@ class WideRecording(Recording):
             )
         check_one_writing(self.source, key, {*objects})
         row_columns = {key, *time.columns, *columns.where, *columns.by}
-        # The columns and objects of each name; a name with several cannot be read.
+        # The columns and objects of each name; a name with several of them cannot be read.
         self._places: dict[str, list[tuple[str, str]]] = {}
         for name in dict.fromkeys(names):
             for owner in objects if name not in row_columns else ():

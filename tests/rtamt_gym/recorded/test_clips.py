@@ -179,7 +179,7 @@ def test_refusals(folder: Path, capsys: Output) -> None:
         capsys, "drive.csv", "--clip-around", "1s"
     )
     (folder / "plain.csv").write_text("x\n1\n9\n")
-    assert "clips are cut. If a column holds times, name it with --time COLUMN." in refused(
+    assert "which clips need. If a column holds times, name it with --time COLUMN." in refused(
         capsys, "plain.csv", "--clip", "clips"
     )
     assert "--clip-around: expected" in refused(

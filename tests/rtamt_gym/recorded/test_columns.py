@@ -276,7 +276,7 @@ def test_no_time_notes_without_time_column() -> None:
         (Columns(time_unit="s"), "--time-unit"),
     ):
         assert refused("x\n1\n", columns) == (
-            f"t.csv: expected a column of times, which {option} speaks of; the columns are x; "
+            f"t.csv: expected a column of times, which {option} needs; the columns are x; "
             "give --time COLUMN"
         )
 

@@ -458,7 +458,7 @@ def test_cells_hold_for_no_longer_than_the_gap() -> None:
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
-        ("x\n1\n1\n", ["--max-gap", "1"], "expected a column of times, which --max-gap speaks of"),
+        ("x\n1\n1\n", ["--max-gap", "1"], "expected a column of times, which --max-gap needs"),
         ("time,x\n0,1\n1,1\n", ["--max-gap", "1", "--period", "1"], "or --max-gap"),
         ("time,x\n0,1\n1,1\n", ["--max-gap", "0"], "--max-gap: expected a time above 0, such as"),
         ("time,x\n0,1\n1,1\n", ["--max-gap", "5 days"], "--max-gap: expected a time above 0"),

@@ -226,4 +226,7 @@ def test_row_with_values_but_without_an_id_error(
     table = tmp_path / "fcd.csv"
     table.write_text("time;vehicle_id;speed\n0;a;1\n0.5;;\n1;;3\n")
     assert main(["monitor", "always(speed < 9)", str(table), "--by", "vehicle_id"]) == 2
-    assert "line 4, column 'vehicle_id': expected a value, by which --by" in capsys.readouterr().err
+    assert (
+        "line 4, column 'vehicle_id': expected a value of this --by column"
+        in capsys.readouterr().err
+    )
