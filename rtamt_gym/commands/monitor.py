@@ -192,7 +192,7 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
 
         check_output(options.out)
     if options.violated_episodes:
-        from rtamt_gym.recorded.episodes import data_set_of
+        from rtamt_gym.recorded.outcomes_json import data_set_of
 
         data_set_of(paths)
     if options.write_mcap and len(paths) == 1:
@@ -301,7 +301,7 @@ def _list_episodes(
     """Write the violated episodes if a file is asked for; return a line about it."""
     if not options.violated_episodes:
         return []
-    from rtamt_gym.recorded.episodes import violated_episodes
+    from rtamt_gym.recorded.outcomes_json import violated_episodes
 
     text, summary = violated_episodes(rows, paths)
     options.violated_episodes.write_text(text, encoding="utf-8")
