@@ -41,14 +41,14 @@ def read_events(
 ) -> EventTrace:
     """Read events of the variables.
 
-    A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
+    A row holds an event of each variable with a value in its cell. If the columns are ``time``,
     ``variable`` and ``value``, a row is one event.
 
     Args:
         recording: The file.
         variables: The variables that are needed.
         columns: How the columns are read.
-        table: Whether the file is one table, whose rows may belong to several objects.
+        table: Whether the file is one table, so that rows may belong to several objects.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording

@@ -1,4 +1,4 @@
-"""Tables whose rows belong to several objects: one trace for each value of the ``--by`` columns."""
+"""Tables with rows of several objects: one trace for each value of the ``--by`` columns."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class GroupTable:
         """Return the keys of each group by the name of its trace.
 
         Args:
-            chosen: The keys that choose this table in its file.
+            chosen: The keys that select this table in its file.
         """
         if not self._traces:
             self._traces = group_names(file_of(self._file), self._columns.by, self.values, chosen)
@@ -334,8 +334,7 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
         columns: How its columns are read: ``by`` names the key columns, and ``where`` selects.
 
     Returns:
-        The names. A file that cannot be read is its own name without keys, because the error is
-        reported where its traces are judged.
+        The names. An unreadable file is its own name without keys; judging it reports the error.
 
     Raises:
         InputError: If a file is not a table, or ``by`` names the key of tables in a file.
@@ -366,15 +365,16 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     names: dict[str, Mapping[str, object]] = {
         name: {**chosen, **table.values[keys]}
         for name, keys in table.traces(chosen).items()
-        if all(keys[at] == text for at, text in selected.items())
+        if all(keys[index] == text for index, text in selected.items())
     }
     if not names:
-        for at, text in selected.items():
-            known = [*dict.fromkeys(keys[at] for keys in table.values)]
+        for index, text in selected.items():
+            known = [*dict.fromkeys(keys[index] for keys in table.values)]
             if text not in known:
                 raise InputError(
-                    f"{shown(path)}: no row with {text!r} in the column '{columns.by[at]}', which "
-                    f"--where names; its values are {listed(known, text)}{nearest(text, known)}"
+                    f"{shown(path)}: no row with {text!r} in the column '{columns.by[index]}', "
+                    f"which --where names; its values are {listed(known, text)}"
+                    f"{nearest(text, known)}"
                 )
         texts = " and ".join(f"{name}={text}" for name, text in columns.where.items())
         raise InputError(f"{shown(path)}: no row with {texts}, which --where selects")
@@ -386,13 +386,13 @@ def _check_keys(path: str, by: Sequence[str], chosen: Mapping[str, str]) -> None
     for name in by:
         if name in chosen:
             raise InputError(
-                f"{shown(path)}: expected --by with another column than '{name}', which chooses "
-                f"one of the tables of the file. Give the column another name, such as in a view."
+                f"{shown(path)}: expected --by with another column than '{name}', which selects "
+                f"a table of the file. Give the column another name, such as in a view."
             )
 
 
 def _for_table(columns: Columns, by: Sequence[str]) -> Columns:
-    """Return the options of a table, in which keys select no rows."""
+    """Return the options of a table, without the selection by keys."""
     where = {name: text for name, text in columns.where.items() if name not in by}
     return replace(columns, where=where, by=(*by,))
 
@@ -425,17 +425,17 @@ def _no_group(path: str, keys: _Keys, by: Sequence[str], known: Sequence[_Keys])
 def groups_by_table(
     paths: Sequence[str], columns: Columns
 ) -> Iterator[tuple[GroupTable, dict[int, NDArray[np.intp]]]]:
-    """Yield each table with the rows of its groups, by the place of their traces in a list.
+    """Yield each table with the rows of its groups, by the index of their traces in a list.
 
-    Traces that are not groups, and tables that cannot be read, are left out.
+    Traces that are not groups, and unreadable tables, are omitted.
 
     Args:
         paths: The names of the traces.
         columns: How their columns are read.
     """
-    left = dict(zip(paths, range(len(paths)), strict=True))
-    while left:
-        path = next(iter(left))
+    remaining = dict(zip(paths, range(len(paths)), strict=True))
+    while remaining:
+        path = next(iter(remaining))
         part = part_of(path)
         table, traces = None, dict[str, _Keys]({path: ()})
         if part is not None:
@@ -444,7 +444,7 @@ def groups_by_table(
                 by = tuple(part.values)
                 table, _, chosen = _find(part, replace(columns, where=own, by=by))
                 traces = {path: (), **table.traces(chosen)}
-        places = {left.pop(name): keys for name, keys in traces.items() if name in left}
+        places = {remaining.pop(name): keys for name, keys in traces.items() if name in remaining}
         if table is not None:
             yield table, {i: table.rows[keys] for i, keys in places.items() if keys in table.rows}
 

@@ -1,4 +1,4 @@
-"""Judges recorded traces: the verdict, and where the named formulas are violated."""
+"""Judges recorded traces: verdicts, and the robustness of named formulas over time."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class TraceJudgement:
     """The verdict on a whole trace.
 
     Attributes:
-        found: The verdict, its bounds, and what was not recorded.
+        found: The verdict, its bounds, and the unrecorded intervals.
         series: The robustness of the named formulas, with the result last. It is empty if
             ``formulas`` is false, or if values are unknown, because robustness then has no single
             value at a sample.

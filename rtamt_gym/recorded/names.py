@@ -70,7 +70,7 @@ def check_near(
 ) -> None:
     """Raise InputError if a variable with a default may have a misspelt column.
 
-    Such a column has nearly the name of the variable, and belongs to no other variable.
+    No other variable reads such a column.
     """
     read = {columns.column(name) for name in variables} | {columns.time, TIME}
     free = [name for name in names if name not in read]

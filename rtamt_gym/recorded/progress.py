@@ -29,7 +29,7 @@ def silence() -> None:
 def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
     """Show a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
-    Of nested bars, only the outermost is shown.
+    Only the outermost of nested bars is shown.
 
     Args:
         title: The name of the work.

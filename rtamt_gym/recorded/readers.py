@@ -209,8 +209,7 @@ def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
         where: The text of each column that ``--where`` names.
 
     Returns:
-        The names. A file that cannot be read is its own name, because the error is reported where
-        its traces are judged.
+        The names. An unreadable file is its own name; judging it reports the error.
     """
     try:
         row = format_of(path)

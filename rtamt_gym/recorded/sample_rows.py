@@ -63,7 +63,7 @@ def read_trace(
         if_events: Advice for errors that rows which are events, not samples, may cause.
         period: Seconds between samples, to ignore the times; None to use the times.
         timed: Whether a specification has time bounds, which need times or a period.
-        table: Whether the file is one table, whose rows may belong to several objects.
+        table: Whether the file is one table, so that rows may belong to several objects.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording

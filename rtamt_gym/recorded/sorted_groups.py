@@ -118,7 +118,7 @@ class SortedGroups:
         """Return the keys of each group by the name of its trace.
 
         Args:
-            chosen: The keys that choose this table in its file.
+            chosen: The keys that select this table in its file.
         """
         return group_names(file_of(self._file), self._by, self.values, chosen)
 

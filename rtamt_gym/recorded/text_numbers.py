@@ -171,9 +171,9 @@ class ColumnMarks:
 
 
 class TextNumbers:
-    """The numbers and times in columns of text, whose cells come in blocks.
+    """The numbers and times in columns of text, read in blocks of rows.
 
-    Cells stay text until a cell that is read decides the decimal mark, or all have come.
+    Cells stay texts until a cell decides the decimal mark, or the last block is read.
 
     Args:
         names: The columns of text of the file.

@@ -232,7 +232,7 @@ class EventTrace:
     def late_start(self, variables: Collection[str]) -> LateStart | None:
         """Return the start of a trace of variables; None if all are known when recording starts.
 
-        An event that still holds when the trace starts is not left out.
+        An event that still holds when the trace starts is kept.
         """
         lines = {name: self.signals[name][0] for name in variables}
         firsts = {name: float(times[0]) for name, times in lines.items()}
@@ -310,7 +310,7 @@ def _longer(begin: float, end: float, most: Fraction | None) -> bool:
 
 
 def outside_ranges(spec: rtamt.Specification, trace: Trace | EventTrace) -> dict[str, str]:
-    """Return a text for each variable with values outside the range that it is declared with.
+    """Return a text for each variable with values outside its declared range.
 
     Unknown values are not compared.
     """
