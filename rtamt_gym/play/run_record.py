@@ -19,16 +19,16 @@ from rtamt.renamed import OldName
 from rtamt.typing import Align, End, NanPolicy, SemanticsName
 from rtamt_gym import markup
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet
 from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.options.evaluation import AtTermination, View
 from rtamt_gym.results.outcome import Outcome, verdict_text
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
-from rtamt_gym.signals.signals import Read
 from rtamt_gym.tables import sample_text
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # commands and reports show runs without Gymnasium, which these import
+    from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet
     from rtamt_gym.live.track import Track
+    from rtamt_gym.signals.signals import Read
 
 
 Floats = NDArray[np.float64]
