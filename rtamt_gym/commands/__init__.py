@@ -32,7 +32,7 @@ OF_TRACES = ("monitor", "explain", "mine")
 """The commands whose specifications and traces ``--`` separates."""
 
 LISTED = "\0list"
-"""Stands for the traces of ``--files-from`` where the command line names none."""
+"""The word that stands for the traces of ``--files-from`` if the command line names no trace."""
 
 SEPARATOR = "\0"
-"""What their parsers get in its place: argparse drops ``--``, and nobody can write this."""
+"""The word that parsers receive for ``--``, which argparse drops; no argument can contain it."""

@@ -31,7 +31,7 @@ def read_options(arguments: Sequence[str]) -> dict[str, Any]:
 
 
 _PYTHON = {"True": True, "False": False, "None": None}
-"""What would be text, and so true, if it were not read as Python writes it."""
+"""Python constants, which would otherwise be non-empty texts and so count as true."""
 
 
 def _read_value(text: str) -> Any:  # noqa: ANN401 - what JSON holds
@@ -75,9 +75,9 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
     """Check the files that a command will write, before it starts.
 
     Args:
-        files: The files.
-        picture: One more, whose name says its format.
-        inputs: The files that the command reads; other arguments may be among them.
+        files: The output files.
+        picture: A picture to write; the end of its name sets its format.
+        inputs: The input files; words that are not files are ignored.
     """
     read = {Path(name).resolve() for name in inputs}
     written: set[Path] = set()

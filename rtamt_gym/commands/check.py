@@ -1,4 +1,4 @@
-"""`rtamt check`: whether requirements say what was meant."""
+"""`rtamt check`: checks requirements for contradictions, tautologies and vacuity."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check each requirement and all together; return 1 if something is wrong."""
     check_outputs(picture=options.plot, inputs=files_of(options.specs))
-    every = read_requirements(options.specs, read_constants(options.constant))
-    specs, others = chosen(every, options.only), read_requirements(options.same_as)
+    requirements = read_requirements(options.specs, read_constants(options.constant))
+    specs, others = chosen(requirements, options.only), read_requirements(options.same_as)
     if options.only and not others.keys().isdisjoint(specs):  # they are paired by name
         others = {name: other for name, other in others.items() if name in specs}
     period = read_period(options, specs, others)
@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
-    """Draw the traces, and print the file, or that there are none."""
+    """Draw the traces; return a line about the picture, or that there is no trace."""
     from rtamt_gym.commands.trace_pictures import draw
     from rtamt_gym.drawing import save
 
@@ -215,7 +215,7 @@ def _data(
     options: argparse.Namespace,
 ) -> tuple[str, dict[str, Any]]:
     """Return the kind of a result, and its fields without the head."""
-    asked = {
+    head = {
         "period": period,
         "end": options.end,
         "horizon": options.horizon,
@@ -223,13 +223,13 @@ def _data(
         **({"rates": read_rates(options.rate)} if options.rate else {}),
         "requirements": {name: str(spec.formula) for name, spec in specs.items()},
     }
-    asked |= plain_provenance(Provenance.of(specs).with_files(files_of(options.specs)))
+    head |= plain_provenance(Provenance.of(specs).with_files(files_of(options.specs)))
     if others:
         same = {
             name: {"other": str(_other(name, others).formula), **equivalence_data(requirement)}
             for name, requirement in check.same.items()
         }
-        return "equivalence", {**asked, "says": check.answer, "results": same}
+        return "equivalence", {**head, "says": check.answer, "results": same}
     results = {
         name: {
             "says": requirement.answer,
@@ -244,7 +244,7 @@ def _data(
         }
         for name, requirement in check.requirements.items()
     }
-    data: dict[str, Any] = {**asked, "says": check.answer, "results": results}
+    data: dict[str, Any] = {**head, "says": check.answer, "results": results}
     if check.together is not None:
         data |= {
             "together": answer_data(check.together),

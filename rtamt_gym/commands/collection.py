@@ -1,4 +1,4 @@
-"""A pause of the search for cycles, which is slow next to a million objects without cycles."""
+"""A pause of garbage collection, which is slow while a program holds a million objects."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Pause the search for cycles, for work that creates many objects without cycles."""
+    """Pause garbage collection during work that creates many objects without cycles."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""`rtamt compare`: which of two policies, or releases, satisfies the requirements more often."""
+"""`rtamt compare`: compares how often two policies or releases satisfy the requirements."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compares, and prints what is shown; returns 1 if B is worse in a requirement."""
+    """Print the comparison; return 1 if B is worse in a requirement."""
     check_files(options, options.a, options.b)
     side_a = read(options.a, ["evaluation", "traces"])
     side_b = read(options.b, [side_a["kind"]])

@@ -1,4 +1,4 @@
-"""The note of commands where nobody has said what an end of the environment means."""
+"""The note that commands print if no option sets what the end of an environment means."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def noted_ends() -> Iterator[list[str]]:
 
     def note(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:  # noqa: ANN401
         if issubclass(category, OpenEndWarning):
-            if notes[:] != _CUT_WINDOW:  # that note contains more
+            if notes[:] != _CUT_WINDOW:  # that note is the more detailed one
                 notes[:] = _CUT_WINDOW if issubclass(category, CutWindowWarning) else _OPEN_END
         else:
             show(message, category, *where, **more)

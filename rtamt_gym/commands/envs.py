@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rtamt_gym.signals.selectors import Selector
 
 _MOST, _SHOWN = 8, 6
-"""Of more selectors than the first that begin with one word, as many as the second are shown."""
+"""If more than `_MOST` selectors share their first word, `_SHOWN` of them are shown."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,7 +130,7 @@ def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, 
 
 
 def _filled(text: str, indent: str = "") -> str:
-    """Break a text at blanks into lines of 80 columns; those after the first are indented."""
+    """Break a text at blanks into lines of 80 columns, with later lines indented."""
     after = indent or "  "
     return textwrap.fill(
         text, 80, initial_indent=indent, subsequent_indent=after, break_on_hyphens=False
@@ -154,23 +154,23 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
     notes: dict[int, str] = {}  # the text below a row
     left_out = 0
     for offer in offers(env, {**begun, **info}).values():
-        shown = offer.common
+        selectors = offer.common
         if everything:
-            shown = offer.common + offer.others
-        elif len(shown) > _MOST:
-            shown = shown[:_SHOWN]
-        read = ((str(s), first.get(str(s), "-"), step(s)) for s in shown)
+            selectors = offer.common + offer.others
+        elif len(selectors) > _MOST:
+            selectors = selectors[:_SHOWN]
+        values = ((str(s), first.get(str(s), "-"), step(s)) for s in selectors)
         # Some environments of several agents have a reward that is not a number.
-        rows += [row for row in read if row[1:] != ("-", "-")]
-        if len(shown) < len(offer.common):
-            notes[len(rows) - 1] = _rest(offer.common[len(shown) :])
-        left_out += len(offer.common) + len(offer.others) - len(shown)
+        rows += [row for row in values if row[1:] != ("-", "-")]
+        if len(selectors) < len(offer.common):
+            notes[len(rows) - 1] = _rest(offer.common[len(selectors) :])
+        left_out += len(offer.common) + len(offer.others) - len(selectors)
     lines = []
     for index, line in enumerate(table(rows, "<>>")):
         lines += [line, notes[index]] if index in notes else [line]
     lacking = next((name for name, value, _ in rows if value == "-"), None)
     if lacking is not None:
-        lines += ["", f'-: no value at reset; a signal gives one: --signal "u={lacking},VALUE"']
+        lines += ["", f'-: no value at reset; set one with --signal "u={lacking},VALUE"']
     if left_out:
         lines += ["", f"{left_out} more with --all"]
     return lines
@@ -178,8 +178,8 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
 
 def _rest(selectors: Sequence[Selector]) -> str:
     """Return the lines on selectors that are not shown."""
-    named = dict.fromkeys(name for selector in selectors for name in selector.names)
-    which = f"of {', '.join(named)}" if named else f"to {selectors[-1]}"
+    names = dict.fromkeys(name for selector in selectors for name in selector.names)
+    which = f"of {', '.join(names)}" if names else f"to {selectors[-1]}"
     return shorten(f"... {len(selectors)} more, {which}", 80)
 
 
@@ -191,7 +191,7 @@ class _Reader:
         self._step = step
 
     def __call__(self, selector: Selector) -> str:
-        """Return the value of a selector as text; "-" if it has none."""
+        """Return the value of a selector as text; "-" without a value."""
         from rtamt_gym.signals.signals import ParsedSignal
         from rtamt_gym.signals.sources import SOURCES
 

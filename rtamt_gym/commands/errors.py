@@ -1,8 +1,7 @@
 """Errors in the words of the command line.
 
-To add an option whose name differs from the argument in Python, add a row to `_CALLED`. If the
-error quotes code, ``Argument("dense", words="...")``, add what a user of commands writes instead to
-`_WRITTEN`.
+To add an option with another name than its argument in Python, add a row to `_CALLED`. If an error
+quotes code, ``Argument("dense", words="...")``, add the text for the command line to `_WRITTEN`.
 """
 
 from __future__ import annotations
@@ -29,10 +28,10 @@ _CALLED: Final[Mapping[str, str]] = {
     "signals": "signal",
     "space": "vary",
 }
-"""What options are for whose arguments have another name."""
+"""The option of each argument that has another name in Python."""
 
 _OF_RESULTS: Final[Mapping[str, str]] = {"compare": "evaluate"}
-"""The command that makes what a command reads, whose options an error may speak of too."""
+"""The command that writes the input of a command; errors may name its options too."""
 
 _WRITTEN: Final[Mapping[str, str]] = {
     "defaults": "{}",
@@ -42,14 +41,14 @@ _WRITTEN: Final[Mapping[str, str]] = {
     "signals": "{}",
     "space": "write {} mass=1:2",
 }
-"""What a user writes where a Python caller writes code or calls another function."""
+"""The text for the command line where the error for Python callers quotes code."""
 
 
 _NEEDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("evaluate", "falsify", "replay", "sweep"), "search"),
     "report": "report",
 }
-"""The extra that installs all that a command needs."""
+"""The extra that installs the packages of a command."""
 
 
 def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> str | None:
@@ -57,8 +56,8 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
 
     Args:
         error: The error.
-        options: The options of the command by the names of arguments, as `options_of` gives them.
-        command: The command; empty if it is none of `rtamt`.
+        options: The options of the command by argument name, as `options_of` returns them.
+        command: The command of `rtamt`; empty for another program.
     """
     match error:
         case RtamtError():
@@ -79,11 +78,11 @@ def refusal(error: Exception, options: Mapping[str, str], command: str = "") -> 
 
 @cache
 def options_of(command: str) -> Mapping[str, str]:
-    """Return the options of a command, by the names of the arguments that they are for."""
+    """Return the options of a command by argument name."""
     if command not in COMMANDS:
         return {}
-    made_by = _OF_RESULTS.get(command, "")
-    return {**options_of(made_by), **options_in(_parser_of(command))}
+    source = _OF_RESULTS.get(command, "")
+    return {**options_of(source), **options_in(_parser_of(command))}
 
 
 @cache
@@ -103,18 +102,18 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
 
 
 def options_in(parser: argparse.ArgumentParser) -> Mapping[str, str]:
-    """Return the options of a parser, by the names of the arguments that they are for."""
+    """Return the options of a parser by argument name."""
     options = {
         action.dest: action.option_strings[-1]
         for action in parser._actions  # noqa: SLF001 - argparse has no other list of them
         if action.option_strings
     }
-    called = {name: options[other] for name, other in _CALLED.items() if other in options}
-    return {**options, **called}
+    renamed = {name: options[other] for name, other in _CALLED.items() if other in options}
+    return {**options, **renamed}
 
 
 def _worded(argument: Argument, options: Mapping[str, str]) -> str | None:
-    """An argument as the command line has it; None if it has no such option."""
+    """Return an argument as an option; None if the command does not have the option."""
     option = options.get(argument.name)
     if option is None:
         return None

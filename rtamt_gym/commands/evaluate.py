@@ -1,18 +1,23 @@
-"""`rtamt evaluate`: how often a policy satisfies each requirement, and how sure that is."""
+"""`rtamt evaluate`: measures how often a policy satisfies each requirement."""
 
 from __future__ import annotations
 
 import argparse
+import copy
+import math
 import sys
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
+from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
-from rtamt import InputError
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
 from rtamt_gym.commands.specs import files_of, requirements_of, selected
@@ -23,13 +28,16 @@ from rtamt_gym.options.command_line import (
     positive,
     read_evaluation_options,
 )
+from rtamt_gym.options.evaluation import seconds_of
 from rtamt_gym.results.warnings import (
     INTERRUPTED,
     Required,
+    VerdictWarning,
     evidence_warnings,
     exit_code,
     print_warnings,
 )
+from rtamt_gym.success import readings
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
@@ -37,36 +45,20 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.evaluation.recording_changes import RecordingsComparison
     from rtamt_gym.results.outcome import Word
-
-
-import copy
-import math
-from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
-
-import rtamt
-from rtamt import Verdict
-from rtamt_gym.checks.names import listing
-from rtamt_gym.options.evaluation import seconds_of
-from rtamt_gym.results.warnings import VerdictWarning
-from rtamt_gym.success import readings
-
-if TYPE_CHECKING:
     from rtamt_gym.results.table import Results
     from rtamt_gym.signals.signals import SignalLike
 
-
 _FLAG: Final = "success"
-"""The variable that reads the flag; what its readings are called begins with it."""
+"""The variable that reads the flag, and the first part of the names of its requirements."""
 
 _KEYS: Final = ("success", "is_success")
-"""The keys under which environments have such a flag."""
+"""The keys of success flags in the info of environments."""
 
 _HOLD: Final = Fraction(1, 2)
-"""Seconds that are held, if nothing is said."""
+"""The default of ``--hold`` in seconds."""
 
 _NAMED: Final = 5
-"""How many episodes are named."""
+"""The maximum number of seeds in a warning."""
 
 
 SUCCESS = (
@@ -105,7 +97,7 @@ def success_requirements(
     Args:
         options: The arguments of the command.
         specs: The specifications.
-        period: Seconds between samples, of which the time is the next multiple where none is given.
+        period: Seconds between samples; the default time of ``--hold`` is a multiple of it.
     """
     if not options.success:
         return dict(specs)
@@ -133,7 +125,7 @@ def flag_signal(
 ) -> dict[str, SignalLike]:
     """Return the signals with the success flag, unless a signal has its name.
 
-    Which key of info the flag is, a reset and a step say: the price is one of each.
+    A reset and a step of the environment show which key of info the flag has.
     """
     if not options.success or _FLAG in signals:
         return dict(signals)
@@ -142,20 +134,20 @@ def flag_signal(
         _, info = env.reset(seed=0)
         *_, last = env.step(copy.deepcopy(env.action_space).sample())
         keys = {**info, **last}
-        there = [each for each in _KEYS if each in keys]
-        if len(there) != 1:
-            got = "both of them" if there else f"{listing(keys) if keys else 'no key at all'}"
+        flags = [name for name in _KEYS if name in keys]
+        if len(flags) != 1:
+            got = "both of them" if flags else f"{listing(keys) if keys else 'no key at all'}"
             raise InputError(
                 f"--success: expected {' or '.join(_KEYS)} in the info of a step, got {got}; name "
                 "another key with --success-key KEY, or read a signal with --signal "
                 "success=SELECTOR"
             )
-        key = there[0]
+        key = flags[0]
     return {**signals, _FLAG: (f"info[{key!r}]", 0.0)}
 
 
 def not_kept(results: Results) -> list[VerdictWarning]:
-    """Return the warnings on episodes that succeed at some step, and lose it."""
+    """Return the warning on episodes that succeed at some step but not at the end."""
     lost = [
         row.seed
         for row in results
@@ -163,12 +155,12 @@ def not_kept(results: Results) -> list[VerdictWarning]:
     ]
     if not lost:
         return []
-    named = ", ".join(map(str, lost[:_NAMED])) + (", ..." if len(lost) > _NAMED else "")
+    listed = ", ".join(map(str, lost[:_NAMED])) + (", ..." if len(lost) > _NAMED else "")
     seeds = "seed" if len(lost) == 1 else "seeds"
     return [
         VerdictWarning(
             f"success at some step, and not kept: {len(lost)} of "
-            f"{counted(len(results), 'episode')}, {seeds} {named}"
+            f"{counted(len(results), 'episode')}, {seeds} {listed}"
         )
     ]
 
@@ -179,10 +171,10 @@ def _satisfies(row: Any, name: str) -> bool:  # noqa: ANN401 - a `Trial`
 
 
 _EPISODES = 100
-"""The number of episodes, if nothing is said."""
+"""The default of ``--episodes``."""
 
 _MOST = 10_000
-"""The most episodes with --until-width or --target, if nothing is said."""
+"""The default of ``--episodes`` with ``--until-width`` or ``--target``."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -305,10 +297,11 @@ def run(options: argparse.Namespace) -> int:
     signals, lost = read_signals(options.signal), 0
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
-        every = {}
+        requirements = {}
         if options.spec or not options.success:
-            every = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
-        specs, signals = selected(every, options.only, signals)
+            own = own_requirements(env)
+            requirements = requirements_of(options.spec, own, options.env_id, "--spec")
+        specs, signals = selected(requirements, options.only, signals)
         reading = read_evaluation_options(options)
         specs = success_requirements(options, specs, reading.period or read_period(env))
         signals = flag_signal(options, env, signals)
@@ -335,9 +328,7 @@ def run(options: argparse.Namespace) -> int:
             evaluation.save(options.save)
     show(evaluation)
     if lost:
-        print(
-            "", f"more had begun at most, which do not count: {counted(lost, 'episode')}", sep="\n"
-        )
+        print("", f"not counted: at most {counted(lost, 'unfinished episode')}", sep="\n")
     if notes:
         print("", *notes, sep="\n")
     tell_files(evaluation, options, "evaluation")
@@ -377,14 +368,14 @@ def check_files(options: argparse.Namespace, *inputs: Path) -> None:
         from rtamt_gym.reports.write import check_page
 
         check_page(options.report)
-        for package in ("jinja2", "plotly"):  # to miss one after hours of episodes would be late
+        for package in ("jinja2", "plotly"):  # fail before hours of episodes, not after
             import_module(package)
 
 
 def tell_files(
     result: Evaluation | Comparison | RecordingsComparison, options: argparse.Namespace, what: str
 ) -> None:
-    """Write the page, and print the names of the files."""
+    """Write the report page, and print the paths of all written files."""
     files = [f"{what}: {options.save}"] if options.save else []
     if options.report:
         from rtamt_gym.reports.write import write_report

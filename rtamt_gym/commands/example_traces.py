@@ -1,4 +1,4 @@
-"""Traces that a solver has found, and its answers: as tables, as JSON and in files."""
+"""Traces and answers of a solver as tables, JSON and files."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _WORDS: Final[Mapping[str, Word]] = {
 
 
 def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> None:
-    """Add the specifications and how traces are searched for.
+    """Add the arguments of a search for traces.
 
     Args:
         parser: The parser of a command.
-        horizon: The most samples of a trace where the command line does not say it.
-        why: Why it is that many.
+        horizon: The default of ``--horizon``.
+        why: The reason for this default, which the help shows.
     """
     add_options(
         parser,
@@ -145,7 +145,7 @@ def drawn(trace: ExampleTrace) -> list[str]:
 
 
 def answer_data(answer: Answer) -> dict[str, Any]:
-    """An answer, with its trace."""
+    """Return an answer and its trace as JSON data."""
     data: dict[str, Any] = {"says": answer.answer}
     if answer.trace is not None:
         data["trace"] = trace_data(answer.trace)
@@ -157,7 +157,7 @@ def answer_data(answer: Answer) -> dict[str, Any]:
 
 
 def equivalence_data(same: Equivalence) -> dict[str, Any]:
-    """Return whether two requirements are equivalent, with a trace on which they differ."""
+    """Return whether two requirements are equivalent, and a trace that distinguishes them."""
     data: dict[str, Any] = {"says": same.answer}
     if same.trace is not None:
         data |= {"satisfied": same.satisfied, "trace": trace_data(same.trace)}
@@ -181,15 +181,15 @@ def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
     """Write files of samples that `rtamt monitor` reads with the same period.
 
     Args:
-        traces: Traces, each with the words that its file is named after.
-        folder: Where the files lie.
+        traces: Traces, each with the words of its file name.
+        folder: The folder of the files.
     """
     for words, trace in traces:
         write_samples(folder, words, {name: trace.unrolled(name) for name in trace.columns})
 
 
 def write_samples(folder: Path, words: str, columns: Mapping[str, Sequence[float]]) -> None:
-    """Write a file of samples, named after words, into a folder."""
+    """Write a file of samples into a folder; ``words`` are its name."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^\w.-]", "_", words)
     with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:

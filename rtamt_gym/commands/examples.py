@@ -1,4 +1,4 @@
-"""`rtamt examples`: traces that satisfy and violate requirements, to read before any simulation."""
+"""`rtamt examples`: shows traces that satisfy and violate requirements."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
             ("violates", requirement.falsifiable),
         ):
             if answer.answer == "no":
-                yield from _text(f"no trace {verb} it{str(answer)[2:]}: rtamt check says more")
+                yield from _text(f"no trace {verb} it{str(answer)[2:]}: rtamt check shows why")
             elif answer.answer == "unknown":
                 yield from _text(f"not known whether a trace {verb} it: {answer.why}")
         for i, example in enumerate(requirement.examples):
             yield ""
-            yield from _told(i + 1, example)
+            yield from _example_lines(i + 1, example)
         if requirement.missing or requirement.unknown:
             yield ""
         for why in requirement.missing:
@@ -86,11 +86,11 @@ def _lines(examples: Mapping[str, RequirementExamples]) -> Iterator[str]:
             yield from _text(f"not known whether there is one: {why} ({reason})")
 
 
-def _told(place: int, example: Example) -> Iterator[str]:
+def _example_lines(position: int, example: Example) -> Iterator[str]:
     verdict = example.verdict.name.lower()
     if example.robustness is not None:
         verdict += f", robustness {number(example.robustness)}"
-    yield from _text(f"{place} {verdict}: {example.why}")
+    yield from _text(f"{position} {verdict}: {example.why}")
     yield from drawn(example.trace)
 
 

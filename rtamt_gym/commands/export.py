@@ -1,4 +1,4 @@
-"""`rtamt export`: writes a monitor for another tool, as a functional mock-up unit."""
+"""`rtamt export`: writes a monitor as a functional mock-up unit (FMU) for another tool."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "--stop-on-violation",
             "end the simulation when a violation is certain; a tool can set this as a parameter",
         ),
-        Option("--only NAME", "the requirement to export, if the text has several", several=True),
+        Option("--only NAME", "the requirement to export, if there are several", several=True),
         "--constant",
         "--period",
         "--semantics",
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the file, and print its content; return 0."""
+    """Write the file and print its inputs; return 0."""
     check_outputs(options.output, picture=None, inputs=[options.spec])
     reading = read_evaluation_options(options)
     if reading.dense == (reading.period is not None):
@@ -65,18 +65,18 @@ def run(options: argparse.Namespace) -> int:
     if not spec.looks_ahead:
         first = "instant" if reading.dense else "sample"
         print(
-            f"note: the specification speaks of the first {first} only, and so do robustness, "
-            f"lower, upper and verdict; write always({shorten(str(spec.formula), 60)})"
+            f"note: robustness, lower, upper and verdict depend on the first {first} only. To "
+            f"monitor the whole run, write always({shorten(str(spec.formula), 60)})"
         )
     return 0
 
 
 def _requirement(options: argparse.Namespace) -> rtamt.Specification:
     """Return the requirement that the command line names."""
-    every = read_requirements([options.spec], read_constants(options.constant))
-    specs = list(chosen(every, options.only).values())
+    requirements = read_requirements([options.spec], read_constants(options.constant))
+    specs = list(chosen(requirements, options.only).values())
     if len(specs) > 1:
         raise InputError(
-            f"expected one requirement, got {listing(every)}; give --only with its name"
+            f"expected one requirement, got {listing(requirements)}; give --only with its name"
         )
     return specs[0]

@@ -1,4 +1,4 @@
-"""`rtamt falsify`: searches for an input with which a system violates a requirement."""
+"""`rtamt falsify`: searches for an input that makes a system violate a requirement."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from rtamt_gym.search.falsification.falsification import Falsification
 
 _WHY = 12
-"""The most lines of an explanation that are shown."""
+"""The maximum number of lines of an explanation."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
+    """Run the search, print the result and write the files; return 1 after a violation."""
     from rtamt_gym.results.codec import check_name
     from rtamt_gym.search.falsification.falsify import IrreproducibleWarning, falsify
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
@@ -126,15 +126,18 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     with opened_system(options) as opened, noted_ends() as notes:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
-        every = requirements_of(options.requirements, opened.requirements, options.env_id)
-        named, signals = selected(every, options.only, signals)
+        requirements = requirements_of(options.requirements, opened.requirements, options.env_id)
+        specs, signals = selected(requirements, options.only, signals)
         with warnings.catch_warnings():
-            for category in (FailedSimulationWarning, IrreproducibleWarning):  # the text has it
+            for category in (
+                FailedSimulationWarning,
+                IrreproducibleWarning,
+            ):  # the report contains them
                 warnings.simplefilter("ignore", category)
             try:
                 result = falsify(
                     opened.system,
-                    told_apart(named, options.distance),
+                    told_apart(specs, options.distance),
                     entries,
                     fixed=numbers,
                     budget=options.budget,
@@ -199,7 +202,7 @@ def _write(result: Falsification, options: argparse.Namespace, system: str | Non
         yield f"record: {options.record}"
     if options.save and not result.falsified and Path(options.save).exists():
         # The old file may hold an earlier violation.
-        yield f"case: nothing was violated, {options.save} stays as it is"
+        yield f"case: no violation found, {options.save} is unchanged"
     elif options.save:
         result.save(options.save, system=system, policy=options.policy)
         yield f"case: {options.save} (run it again: rtamt replay {options.save})"

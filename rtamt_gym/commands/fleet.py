@@ -54,7 +54,7 @@ _MOST: Final = 5000
 """The maximum number of files in a batch."""
 
 _AGAIN: Final = 3
-"""How often a batch is sent whose worker is lost."""
+"""How often a batch is sent if its workers are lost."""
 
 _WORST: Final = 10
 """The files that the summary lists."""
@@ -68,7 +68,7 @@ _REFUSED: Final = (
 """The options of reports that need all outcomes in memory."""
 
 
-def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> int:
+def run_fleet(options: argparse.Namespace, request: TracesAsked, paths: Sequence[str]) -> int:
     """Judge files into a folder, print a summary, and return the exit code."""
     for option in _REFUSED:
         if getattr(options, option.strip("-").replace("-", "_"), None):
@@ -77,7 +77,7 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
                 "Parquet. Leave one of them out."
             )
     table, same = judge_into(
-        asked,
+        request,
         paths,
         options.results,
         processes=options.workers,
@@ -85,11 +85,11 @@ def run_fleet(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[s
         scheduler=options.scheduler,
         verify=options.verify,
     )
-    return _summary(asked, options.results, table, len(paths), same)
+    return _summary(request, options.results, table, len(paths), same)
 
 
 def judge_into(
-    asked: TracesAsked,
+    request: TracesAsked,
     paths: Sequence[str],
     results: Path,
     *,
@@ -115,8 +115,8 @@ def judge_into(
             "without a folder of results."
         )
     check_packages(backend, paths)
-    job = FleetJob(asked, verify, version())
-    with FleetFolder(results, identity_of(asked), [*asked.specs]) as folder:
+    job = FleetJob(request, verify, version())
+    with FleetFolder(results, identity_of(request), [*request.specs]) as folder:
         known = folder.known()
         tasks: list[FileTask] = [(path, known.get(path)) for path in paths]
         same = 0
@@ -131,17 +131,17 @@ def judge_into(
         return folder.finish(_gone(folder, {*paths})), same
 
 
-def identity_of(asked: TracesAsked) -> dict[str, Any]:
-    """Return what a row depends on other than its file."""
-    reading = asked.reading
-    plain, used = Columns(), with_columns(asked.specs, asked.columns)
+def identity_of(request: TracesAsked) -> dict[str, Any]:
+    """Return everything that a row depends on except its file."""
+    reading = request.reading
+    plain, used = Columns(), with_columns(request.specs, request.columns)
     columns = {field.name: getattr(used, field.name) for field in fields(plain)}
     options = {
         **{name: str(getattr(reading, name)) for name in _READING},
         "columns": {k: repr(v) for k, v in columns.items() if v != getattr(plain, k)},
-        "constants": repr(dict(asked.constants)),
+        "constants": repr(dict(request.constants)),
     }
-    specification = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
+    specification = {name: str(spec.standalone()) for name, spec in request.specs.items()}
     return {"specification": specification, **options, "version of rtamt": version()}
 
 
@@ -149,14 +149,14 @@ _READING: Final = ("end", "view", "semantics", "align", "period", "dense", "stag
 
 
 def _gone(folder: FleetFolder, listed: set[str]) -> list[str]:
-    """Return the paths in the folder whose files are not there any more."""
+    """Return the paths in the folder of files that no longer exist."""
     return [path for path in folder.paths() if path not in listed and not exists(path)]
 
 
 def _results(
     job: FleetJob, tasks: Sequence[FileTask], count: int, submit: Callable[..., Any]
 ) -> Iterator[list[FileRow]]:
-    """Yield the rows of batches in the order in which workers finish them."""
+    """Yield the rows of each batch as soon as a worker has finished it."""
     name, sent = uuid4().hex, pickled(job)
     batches = _Batches(tasks, count)
     run = partial(judge_batch, name, sent, job.version)
@@ -206,7 +206,7 @@ class _Batches:
 
     @property
     def left(self) -> int:
-        """The number of files that are not taken."""
+        """The number of files that no list contains yet."""
         return len(self._tasks) - self._start
 
     def take(self) -> Sequence[FileTask]:
@@ -219,13 +219,13 @@ class _Batches:
         return self._tasks[self._start - size : self._start]
 
     def learn(self, rows: Sequence[FileRow]) -> None:
-        """Estimate from finished files how long one takes; a file that is the same takes 0.1 ms."""
+        """Estimate the time per file from finished files; an unchanged file counts 0.1 ms."""
         mean = sum(row.get("wall", 1e-4) for row in rows) / max(1, len(rows))
         self._seconds = mean if self._seconds is None else (self._seconds + mean) / 2
 
 
-def _summary(asked: TracesAsked, folder: Path, table: pa.Table, count: int, same: int) -> int:
-    """Print a summary of the rows of files that are there; return the exit code."""
+def _summary(request: TracesAsked, folder: Path, table: pa.Table, count: int, same: int) -> int:
+    """Print a summary of the rows of existing files; return the exit code."""
     import pyarrow.compute as pc
 
     there = table.filter(pc.invert(table["gone"]))
@@ -239,16 +239,16 @@ def _summary(asked: TracesAsked, folder: Path, table: pa.Table, count: int, same
     for row in bad.slice(0, _WORST).to_pylist():
         cells = [
             f"{name} {number(row[f'robustness({name})'])}"
-            for name in asked.specs
+            for name in request.specs
             if row[f"verdict({name})"] == "VIOLATED"
         ]
         text = shorten(row["error"] or ", ".join(cells), 100)
         lines.append(f"  {row['verdict']}: {row['path']}" + (f": {text}" if text else ""))
     if bad.num_rows > _WORST:
         lines.append(f"  and {bad.num_rows - _WORST} more")
-    lines += _triggered(there, [*asked.specs])
+    lines += _triggered(there, [*request.specs])
     lines += _noted(there)
-    lines += [*identified_texts(asked.specs), *asked.ignored]
+    lines += [*identified_texts(request.specs), *request.ignored]
     lines.append(f"results: {folder / RESULTS}")
     print(*lines, sep="\n", flush=True)
     return exit_code(words.keys())

@@ -143,7 +143,7 @@ def wait_for_any(futures: Sequence[Any]) -> Sequence[Any]:
 
 
 def is_lost(error: Exception) -> bool:
-    """Return whether an error is about the scheduler, so that no worker can be asked."""
+    """Return whether an error means that the scheduler is lost."""
     return not _LOST.isdisjoint(kind.__name__ for kind in type(error).__mro__)
 
 

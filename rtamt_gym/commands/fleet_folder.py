@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 _PARTS: Final = "part-*.parquet"
 _MERGED: Final = 200
-"""The parts from which on they are merged during a run."""
+"""The number of parts at which they are merged during a run."""
 
 _TEXTS: Final = ("path", "verdict", "error", "described", "notes", "etag", "sha256", "worker")
 
 
 class FleetFolder(LockedFolder):
-    """The rows of files in a local folder, which one process at a time holds.
+    """The rows of files in a local folder, which one process at a time locks.
 
     Args:
         path: The folder.
-        identity: What a row depends on other than its file.
+        identity: Everything that a row depends on except its file.
         requirements: The names of the requirements.
 
     Raises:
@@ -69,7 +69,7 @@ class FleetFolder(LockedFolder):
             raise
 
     def known(self) -> dict[str, KnownFile]:
-        """Return the files whose rows stand, with their state; without rows to be tried again."""
+        """Return the state of each file with a valid row, without files to be tried again."""
         names = ["path", "size", "mtime", "etag", "sha256", "retry", "gone"]
         known: dict[str, KnownFile] = {}
         for file in self._files():
@@ -87,7 +87,7 @@ class FleetFolder(LockedFolder):
         return {path for table in tables for path in table["path"].to_pylist()}
 
     def add(self, rows: Iterable[FileRow]) -> None:
-        """Write rows; a kill afterwards loses none."""
+        """Write rows so that a later kill does not lose them."""
         table = self._table(rows)
         if not table.num_rows:
             return
@@ -102,7 +102,7 @@ class FleetFolder(LockedFolder):
         """Replace the parts by one file with a row for each path, and return its table.
 
         Args:
-            gone: The paths of files that are not there any more; None: leave the marks.
+            gone: The paths of files that no longer exist; None to leave the marks.
         """
         import pyarrow as pa
         import pyarrow.compute as pc

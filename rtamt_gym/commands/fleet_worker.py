@@ -39,7 +39,7 @@ _BLOCK: Final = 1 << 20
 
 
 class Mark(NamedTuple):
-    """The state of a file, by which a change is noticed without opening it.
+    """The state of a file, which shows a change without opening it.
 
     Attributes:
         size: Its size in bytes.
@@ -53,24 +53,24 @@ class Mark(NamedTuple):
 
 
 class KnownFile(NamedTuple):
-    """The state and the hash of a file whose row is in the folder of results."""
+    """The state and the hash of a file with a row in the folder of results."""
 
     mark: Mark
     sha256: str
 
 
 FileTask = tuple[str, KnownFile | None]
-"""A path, and the state of the file when it was judged; None if it is to be judged."""
+"""A path, and the state of the file when it was judged; None before that."""
 
 FileRow = dict[str, Any]
-"""The row of a file; ``{"path": ..., "same": True}`` if the stored row is still right."""
+"""The row of a file; ``{"path": ..., "same": True}`` if the stored row is still valid."""
 
 
 @dataclass(frozen=True)
 class FleetJob:
     """The job for each file, and the version of rtamt that makes it."""
 
-    asked: TracesAsked
+    request: TracesAsked
     verify: bool
     version: str
 
@@ -139,7 +139,7 @@ def _size(path: str) -> int:
 
 
 def _plain(path: str, row: FileRow | Trial) -> FileRow:
-    """Return a row; for a file whose process ended, an error row."""
+    """Return a row; if the process of the file ended, an error row."""
     if not isinstance(row, Trial):
         return row
     why = row.error.partition(": ")[2].replace("the run", "the reader", 1)
@@ -181,7 +181,7 @@ def _files_of(path: str) -> tuple[Any, str]:
 
 
 def mark_of(path: str) -> Mark:
-    """Return the state of a file; raise OSError if there is none."""
+    """Return the state of a file; raise OSError if it does not exist."""
     if "://" not in path:
         status = Path(path).stat()
         return Mark(status.st_size, status.st_mtime_ns, "")
@@ -193,7 +193,7 @@ def mark_of(path: str) -> Mark:
 
 
 def exists(path: str) -> bool:
-    """Return whether there is a file; also if that cannot be asked now."""
+    """Return whether a file exists; True if its file system cannot be reached."""
     try:
         mark_of(path)
     except FileNotFoundError:
@@ -303,13 +303,13 @@ def _hash(path: Path) -> str:
 
 def _judged(job: FleetJob, path: str, copy: str) -> FileRow:
     """Return the outcomes of a file that is read from a copy."""
-    row = row_of(job.asked, judge_file(job.asked, copy, formulas=False), explain=())
+    row = row_of(job.request, judge_file(job.request, copy, formulas=False), explain=())
 
     def named(text: str) -> str:
         return text if copy == path else text.replace(copy, path)
 
     cells: FileRow = {}
-    for name in job.asked.specs:
+    for name in job.request.specs:
         outcome = row.outcomes.get(name)
         if outcome is None:
             cells[f"verdict({name})"] = "ERROR"

@@ -1,4 +1,4 @@
-"""Judges the groups of tables together: all plain groups of a block in one call of `judge_many`."""
+"""Judges all plain groups of a block of a table in one call of `judge_many`."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _BLOCK: Final = 1 << 20
 """The rows after which a block of groups ends."""
 
 
-def judged_groups(asked: TracesAsked, paths: Sequence[str]) -> Iterator[tuple[int, Judged]]:
+def judged_groups(request: TracesAsked, paths: Sequence[str]) -> Iterator[tuple[int, Judged]]:
     """Yield the places of groups in a list of traces, and their judgements.
 
     Groups that are not plain are left out, and so is every trace that is not a group of a table.
 
     Args:
-        asked: The requirements, and how traces are judged.
+        request: The requirements, and how traces are judged.
         paths: The names of the traces.
     """
-    for table, places in groups_by_table(paths, asked.columns):
+    for table, places in groups_by_table(paths, request.columns):
         numbers, size = list[int](), 0
-        judges = _Judges(asked, table, paths[next(iter(places))]) if places else None
+        judges = _Judges(request, table, paths[next(iter(places))]) if places else None
         if judges is None or not judges.usable:
             continue
         for number, rows in places.items():
@@ -58,25 +58,25 @@ class _Judges:
     """The judges of the groups of a table.
 
     Args:
-        asked: The requirements, and how traces are judged.
+        request: The requirements, and how traces are judged.
         table: The table.
-        path: The name of one of its groups.
-        more: The traces of more requirements.
+        path: The name of a group of the table.
+        more: The traces for further requirements.
     """
 
     def __init__(
-        self, asked: TracesAsked, table: GroupTable, path: str, more: GroupTraces | None = None
+        self, request: TracesAsked, table: GroupTable, path: str, more: GroupTraces | None = None
     ) -> None:
-        self._asked = asked
+        self._request = request
         self._ways: dict[tuple[str, Fraction | None], _Way] = {}
         try:
-            columns = checked_columns(path, format_of(path), asked.columns)
+            columns = checked_columns(path, format_of(path), request.columns)
         except RtamtError:
             self.usable = False
             return
-        self._traces = GroupTraces(table, asked.specs, asked.reading, columns, more)
-        # Without times there is no length.
-        measured = asked.min_duration is None or self._traces.measured
+        self._traces = GroupTraces(table, request.specs, request.reading, columns, more)
+        # A table without times does not have a length.
+        measured = request.min_duration is None or self._traces.measured
         self.usable = self._traces.usable and measured
         self._parts: list[tuple[tuple[str, ...], GroupTraces]] = []
         self._rest: _Judges | None = None
@@ -86,19 +86,19 @@ class _Judges:
     def _split(self, table: GroupTable, path: str) -> None:
         """Prepare the requirements that a single row can decide, where others need a period."""
         parts: dict[tuple[str, ...], list[str]] = {}
-        for name, spec in self._asked.specs.items():
+        for name, spec in self._request.specs.items():
             parts.setdefault(tuple(sorted(spec.variables)), []).append(name)
         untimed = []
         for names in parts.values():
-            asked = self._asked.having({name: self._asked.specs[name] for name in names})
-            columns = checked_columns(path, format_of(path), asked.columns)
-            part = GroupTraces(table, asked.specs, asked.reading, columns, self._traces)
+            request = self._request.having({name: self._request.specs[name] for name in names})
+            columns = checked_columns(path, format_of(path), request.columns)
+            part = GroupTraces(table, request.specs, request.reading, columns, self._traces)
             self._parts.append((tuple(names), part))
             if not self._parts[-1][1].timed:
                 untimed += names
-        readable = {name: spec for name, spec in self._asked.specs.items() if name in untimed}
+        readable = {name: spec for name, spec in self._request.specs.items() if name in untimed}
         if readable:
-            self._rest = _Judges(self._asked.having(readable), table, path, self._traces)
+            self._rest = _Judges(self._request.having(readable), table, path, self._traces)
 
     def block(
         self, numbers: Sequence[int], paths: Sequence[str], places: Mapping[int, NDArray[np.intp]]
@@ -116,7 +116,7 @@ class _Judges:
     def _short(
         self, numbers: Sequence[int], paths: Sequence[str], places: Mapping[int, NDArray[np.intp]]
     ) -> Iterator[tuple[int, Judged]]:
-        """Judge groups of one row, of which requirements with bounds have an error."""
+        """Judge groups of one row; requirements with time bounds have an error."""
         names, rows = [paths[number] for number in numbers], [places[n] for n in numbers]
         sure, failing = np.ones(len(numbers), bool), list[str]()
         for part, traces in self._parts:
@@ -147,7 +147,7 @@ class _Judges:
         for i in np.flatnonzero(block.plain).tolist():
             same.setdefault(block.periods[i], []).append(i)
         for period, chosen in same.items():
-            ways = {name: self._way(name, period) for name in self._asked.specs}
+            ways = {name: self._way(name, period) for name in self._request.specs}
             rows = {name: way.judge(block, chosen) for name, way in ways.items()}
             for position, i in enumerate(chosen):
                 judged = Judged(names[i], block.trace(i), period)
@@ -160,13 +160,13 @@ class _Judges:
         if key not in self._ways:
             if len(self._ways) >= _MOST_WAYS:
                 self._ways.clear()
-            reading = self._asked.reading.about(name)
-            self._ways[key] = _Way(self._asked.specs[name], reading, period)
+            reading = self._request.reading.about(name)
+            self._ways[key] = _Way(self._request.specs[name], reading, period)
         return self._ways[key]
 
 
 _MOST_WAYS: Final = 1000
-"""The most requirements and periods that stay prepared."""
+"""The maximum number of prepared pairs of requirement and period."""
 
 
 class _Way:
@@ -191,7 +191,7 @@ class _Way:
             self._staged = bool(stages_of({"": self._requirement}, self._at_period))
             if self._requirement.variables:
                 self._options = self._at_period.from_monitors({"": self._requirement})[""]
-        except RtamtError:  # each trace has the error
+        except RtamtError:  # judging each trace raises it again
             self._options = None
 
     def judge(
@@ -199,7 +199,8 @@ class _Way:
     ) -> list[tuple[rtamt.Judgement | None, rtamt.Verdict | None]] | None:
         """Return the judgements of some groups, and under ``complete`` their verdicts if cut.
 
-        None where each is judged by itself; a judgement is None if the group is.
+        The result is None if no group can be judged in the call, and a judgement is None if its
+        group cannot.
         """
         options, requirement = self._options, self._requirement
         if options is None:
@@ -240,26 +241,26 @@ class _Way:
         """Add the judgement of a trace, or its failure."""
         trace = judged.trace
         assert isinstance(trace, Trace), "a group of samples"  # noqa: S101 - for mypy
-        found, cut = (None, None) if rows is None else rows[position]
+        judgement, cut = (None, None) if rows is None else rows[position]
         try:
             judged.judgements[name] = (
                 judge(self._spec, trace, self._period, self._reading, formulas=False)
-                if found is None
-                else self._judgement(found, cut, trace)
+                if judgement is None
+                else self._judgement(judgement, cut, trace)
             )
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             judged.failures[name] = failure_of(error)
 
     def _judgement(
-        self, found: rtamt.Judgement, cut: rtamt.Verdict | None, trace: Trace
+        self, judgement: rtamt.Judgement, cut: rtamt.Verdict | None, trace: Trace
     ) -> TraceJudgement:
         """Return a judgement as `judge` of `rtamt_gym.recorded.judge` does."""
         progress = None
         if self._staged:
             progress = progress_of(self._requirement, trace.columns, self._at_period)
         return TraceJudgement(
-            *(found, {}, self._reading.semantics, trace.start, self._period, self._step),
+            *(judgement, {}, self._reading.semantics, trace.start, self._period, self._step),
             progress=progress,
             cut=cut,
-            from_start=found,
+            from_start=judgement,
         )

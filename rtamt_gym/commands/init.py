@@ -1,4 +1,4 @@
-"""`rtamt init`: a specification, a test and a job of CI to begin with."""
+"""`rtamt init`: writes a specification, a test and a CI job to start from."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ def run(options: argparse.Namespace) -> int:
     begin = starter.begin
     if options.folder != Path():
         begin = f"cd {shlex.quote(str(options.folder))} && {begin}"
-    print(f"\nbegin with: {shown(begin)}")
+    print(f"\nstart with: {shown(begin)}")
     return 0

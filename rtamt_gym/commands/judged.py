@@ -15,14 +15,14 @@ from rtamt_gym.results.outcome import Failure
 
 @dataclass(slots=True)
 class Judged:
-    """A trace, and what its requirements came to.
+    """A trace with the results of its requirements.
 
     Attributes:
         path: The name of the trace.
         trace: Its samples or events; None if it could not be read.
         period: Seconds between samples, if they are known.
-        judgements: The judgement of each requirement that could be judged.
-        failures: Why the others could not.
+        judgements: The judgement of each requirement that was evaluated.
+        failures: The failure of each other requirement.
     """
 
     path: str
@@ -33,7 +33,7 @@ class Judged:
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return the failure that an error is, with a traceback if it was not expected."""
+    """Return an error as a failure, with a traceback if it was not expected."""
     message = refusal(error, options_of("explain"))  # all commands of traces have them
     if message is None:
         return Failure(unexpected(error), shown_lines("".join(traceback.format_exception(error))))

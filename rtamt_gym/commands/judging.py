@@ -37,15 +37,15 @@ _T = TypeVar("_T")
 
 
 Seen = Mapping[str, Sequence[int]]
-"""What was seen in a trace: numbers for requirements."""
+"""The observations on a trace: numbers by requirement."""
 
 
 class Watch(Protocol):
-    """Looks at traces while they are read, in each process by a copy of its own."""
+    """Observes traces while they are read, with a copy in each process."""
 
     @property
     def ready(self) -> bool:
-        """Whether copies know all they need; until then it is to see traces itself."""
+        """Whether copies are complete; until then, only this object observes traces."""
 
     def see(self, judged: Judged, row: Trial) -> Seen:
         """Return observations on a trace; copies see some traces only, in order."""
@@ -54,20 +54,20 @@ class Watch(Protocol):
         """Record the observations on a trace, in the order of the traces."""
 
 
-def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
+def judge_file(request: TracesAsked, path: str, *, formulas: bool) -> Judged:
     """Judge a trace; errors are failures of the requirements.
 
     Args:
-        asked: The requirements, and how traces are judged.
+        request: The requirements, and how traces are judged.
         path: The name of the trace.
         formulas: Whether the robustness of the named formulas is evaluated too.
     """
     judged = Judged(path)
-    specs = _read(asked, judged)
+    specs = _read(request, judged)
     with progress("judging", len(specs), " requirements") as advance:
         for name, spec in specs.items():
             try:
-                reading = asked.reading.about(name)
+                reading = request.reading.about(name)
                 judged.judgements[name] = _judge(spec, judged, reading, formulas=formulas)
             except Exception as error:  # noqa: BLE001 - the others are to be judged
                 judged.failures[name] = failure_of(error)
@@ -75,55 +75,55 @@ def judge_file(asked: TracesAsked, path: str, *, formulas: bool) -> Judged:
     return judged
 
 
-def read_file(asked: TracesAsked, path: str) -> Judged:
+def read_file(request: TracesAsked, path: str) -> Judged:
     """Read a trace without judging it."""
     judged = Judged(path)
-    _read(asked, judged)
+    _read(request, judged)
     return judged
 
 
-def _read(asked: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
+def _read(request: TracesAsked, judged: Judged) -> Mapping[str, rtamt.Specification]:
     """Read a trace, and return the requirements that can be judged on it.
 
     If a column, a topic or a field is missing or bad, the requirements that do not read it are
     judged without it.
     """
     try:
-        judged.trace, judged.period = read_trace_of(asked, judged.path)
+        judged.trace, judged.period = read_trace_of(request, judged.path)
     except Exception as error:  # noqa: BLE001 - other traces are to be judged
-        judged.failures = dict.fromkeys(asked.specs, failure_of(error))
+        judged.failures = dict.fromkeys(request.specs, failure_of(error))
         if not isinstance(error, InputError | SpecificationError) or judged.path == "-":
             return {}
     else:
-        return asked.specs
-    refused = _refused(asked, judged.path)
-    readable = {name: spec for name, spec in asked.specs.items() if name not in refused}
+        return request.specs
+    refused = _refused(request, judged.path)
+    readable = {name: spec for name, spec in request.specs.items() if name not in refused}
     if not (refused and readable):
         return {}
     try:
-        judged.trace, judged.period = read_trace_of(asked.having(readable), judged.path)
+        judged.trace, judged.period = read_trace_of(request.having(readable), judged.path)
     except Exception:  # noqa: BLE001 - the error that all have together stays
         return {}
     judged.failures = refused
     return readable
 
 
-def _refused(asked: TracesAsked, path: str) -> dict[str, Failure]:
-    """Return the requirements whose columns cannot be read, each with the reason."""
+def _refused(request: TracesAsked, path: str) -> dict[str, Failure]:
+    """Return the failures of the requirements with columns that cannot be read."""
     parts: dict[tuple[str, ...], dict[str, rtamt.Specification]] = {}
-    for name, spec in asked.specs.items():
+    for name, spec in request.specs.items():
         parts.setdefault(tuple(sorted(spec.variables)), {})[name] = spec
     refused: dict[str, Failure] = {}
     for part in parts.values():
         try:
-            read_trace_of(asked.having(part), path)
+            read_trace_of(request.having(part), path)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             refused |= dict.fromkeys(part, failure_of(error))
     return refused
 
 
 def judge_files(
-    asked: TracesAsked,
+    request: TracesAsked,
     paths: Sequence[str],
     *,
     workers: int,
@@ -133,14 +133,14 @@ def judge_files(
     """Judge traces; rows have the order of the names for any number of workers.
 
     Args:
-        asked: The requirements, and how traces are judged.
+        request: The requirements, and how traces are judged.
         paths: The names of the traces.
         workers: The number of processes.
-        explain: The verdicts that are explained. If there are any, the outcomes say too from when
-            on they were certain, which costs as much as the verdict.
-        watch: What sees each trace while it is read; None: nothing.
+        explain: The verdicts that are explained. If there are any, the outcomes also contain the
+            time of decision, which costs as much as the verdict.
+        watch: Observes each trace while it is read; None for no observations.
     """
-    job, rows, known = _Job(asked, explain, watch), list[Trial](), dict[int, Trial]()
+    job, rows, grouped = _Job(request, explain, watch), list[Trial](), dict[int, Trial]()
 
     def done(row: Trial, observed: Seen) -> None:
         rows.append(row)
@@ -148,14 +148,14 @@ def judge_files(
             watch.take(row, observed)
 
     with progress("judging", len(paths), " traces") as advance:
-        if asked.columns.by and watch is None:
+        if request.columns.by and watch is None:
             from rtamt_gym.commands import group_judging
 
             with without_collection():
-                for number, judged in group_judging.judged_groups(asked, paths):
-                    known[number] = row_of(asked, judged, explain=explain)
+                for number, judged in group_judging.judged_groups(request, paths):
+                    grouped[number] = row_of(request, judged, explain=explain)
                     advance(1)
-        single = [path for i, path in enumerate(paths) if i not in known]
+        single = [path for i, path in enumerate(paths) if i not in grouped]
         while (left := len(single) - len(rows)) > 0:
             if workers > 1 and left > 1 and (watch is None or watch.ready):
                 for row, observed in _in_processes(job, single[len(rows) :], workers, advance):
@@ -164,7 +164,7 @@ def judge_files(
             done(*job.done(single[len(rows)]))
             advance(1)
     others = iter(rows)
-    return [known[i] if i in known else next(others) for i in range(len(paths))]
+    return [grouped[i] if i in grouped else next(others) for i in range(len(paths))]
 
 
 def _in_processes(
@@ -172,9 +172,9 @@ def _in_processes(
 ) -> list[tuple[Trial, Seen]]:
     """Run a job for each trace in processes.
 
-    If a process dies, as for lack of memory, nobody knows at which trace: the traces that may have
-    ended it are sent one by one, and then the first without a row is judged alone. Only if its
-    process dies too it is a failure.
+    If a process dies, for example for lack of memory, the trace that ended it is not known. The
+    possible traces are then sent one by one, and the first trace without a row is judged alone. It
+    is a failure only if its own process dies too.
     """
     rows: list[tuple[Trial, Seen]] = []
     usual = max(1, min(_CHUNK, len(paths) // (32 * workers)))
@@ -205,10 +205,10 @@ _CHUNK: Final = 16
 
 
 def _context() -> BaseContext:
-    """Return how processes start: a fork is ready at once, and needs a process of one thread.
+    """Return how processes start: by a fork, which is fastest, if this process has one thread.
 
-    Otherwise a fork would copy locks that other threads hold; a server that has imported this
-    module forks then, where the system has one.
+    Otherwise, a fork would copy locks that other threads hold. A fork server that has imported this
+    module replaces it if the system has one.
     """
     with suppress(OSError):
         if len([*Path("/proc/self/task").iterdir()]) == 1:
@@ -221,7 +221,7 @@ def _context() -> BaseContext:
 
 
 _READERS: Final = ("rtamt_gym.recorded.ruled", "rtamt_gym.recorded.csv_reader")
-"""The modules of the most frequent format, which are imported when a trace is read."""
+"""Modules of the most frequent format, which would otherwise be imported with the first trace."""
 
 
 def _begin(
@@ -239,25 +239,25 @@ def _begin(
 class _Job:
     """The job for each trace; `judge_files` documents the arguments."""
 
-    asked: TracesAsked
+    request: TracesAsked
     explain: Sequence[Verdict]
     watch: Watch | None
 
     def done(self, path: str) -> tuple[Trial, Seen]:
         """Return the outcomes of a trace, and the observations on it."""
-        judged = judge_file(self.asked, path, formulas=False)
-        row = row_of(self.asked, judged, explain=self.explain)
+        judged = judge_file(self.request, path, formulas=False)
+        row = row_of(self.request, judged, explain=self.explain)
         return row, {} if self.watch is None else self.watch.see(judged, row)
 
     def lost(self, path: str) -> Trial:
-        """Return the row of a trace whose process died."""
+        """Return the row of a trace after its process died."""
         name = shown(path)
         failure = Failure(f"{name}: the process that judged it died, perhaps for lack of memory")
-        return Trial.of_trace(name, "", dict.fromkeys(self.asked.specs, failure))
+        return Trial.of_trace(name, "", dict.fromkeys(self.request.specs, failure))
 
 
 _jobs: list[_Job] = []
-"""The job of this process, if it is a worker: it is sent once, and not with every trace."""
+"""The job of this process if it is a worker; it is sent once, not with every trace."""
 
 
 def _begin_worker(*job: _Job) -> None:
@@ -271,39 +271,39 @@ def _row_of_file(path: str) -> tuple[Trial, Seen]:
     return _jobs[0].done(path)
 
 
-def row_of(asked: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
+def row_of(request: TracesAsked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
     """Return the outcomes of a trace as a row; verdicts in ``explain`` are explained."""
     cells: dict[str, Outcome | Failure] = {}
-    for name, spec in asked.specs.items():
+    for name, spec in request.specs.items():
         if name in judged.failures:
             cells[name] = judged.failures[name]
             continue
         try:
-            cells[name] = _outcome(spec, judged, name, asked, explain)
+            cells[name] = _outcome(spec, judged, name, request, explain)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = failure_of(error)
     if judged.trace is None:
         return Trial.of_trace(shown(judged.path), "", cells)
     extent = judge.extent_of(judged.trace, judged.period)
     notes = [*judged.trace.notes]
-    timed = any(spec.timed for spec in asked.specs.values())
+    timed = any(spec.timed for spec in request.specs.values())
     untimed = isinstance(judged.trace, Trace) and judged.trace.times is None
     if timed and untimed and judged.period is None:
-        notes.append("no column is one of times, so that bounds count samples")
+        notes.append("there is no column of times, so bounds count samples")
     for name, judgement in judged.judgements.items():
-        notes += filter(None, [judgement.note_of_end(name if len(asked.specs) > 1 else "")])
-    notes += _late_starts(judged.judgements, several=len(asked.specs) > 1)
+        notes += filter(None, [judgement.note_of_end(name if len(request.specs) > 1 else "")])
+    notes += _late_starts(judged.judgements, several=len(request.specs) > 1)
     described = f"{judged.trace.source}: {extent.text}"
     row = Trial.of_trace(shown(judged.path), described, cells, notes, extent)
     shortest = row.judged_extent or extent
-    if asked.min_duration is not None and shortest.shorter(asked.min_duration):
+    if request.min_duration is not None and shortest.shorter(request.min_duration):
         short = (
             f"it lasts {number(shortest.length or 0.0)} s, which is shorter than "
-            f"{number(float(asked.min_duration))} s (--min-duration)"
+            f"{number(float(request.min_duration))} s (--min-duration)"
         )
         row = replace(row, notes=(*row.notes, short))
     outside = {}
-    for name, spec in asked.specs.items():
+    for name, spec in request.specs.items():
         if name in judged.judgements and (texts := outside_ranges(spec, judged.trace)):
             outside[name] = "; ".join(texts.values())
     return replace(row, outside=outside) if outside else row
@@ -324,16 +324,16 @@ def _late_starts(judgements: Mapping[str, TraceJudgement], *, several: bool) -> 
     ]
 
 
-def matrix_of(asked: TracesAsked, rows: Sequence[Trial]) -> Matrix:
+def matrix_of(request: TracesAsked, rows: Sequence[Trial]) -> Matrix:
     """Return the rows, with the formulas of the requirements."""
-    texts = {name: str(spec.standalone()) for name, spec in asked.specs.items()}
-    return Matrix(rows, texts, provenance=Provenance.of(asked.specs))
+    texts = {name: str(spec.standalone()) for name, spec in request.specs.items()}
+    return Matrix(rows, texts, provenance=Provenance.of(request.specs))
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
     """Return the lines on failures for standard error.
 
-    Each message stands once, also if it differs only in the name of a trace within one file.
+    Messages that differ only in the trace within one file are printed once.
     """
     alike: dict[str, tuple[str, Failure, list[str]]] = {}
     for message, (failure, traces) in matrix.failures().items():
@@ -348,11 +348,11 @@ def failure_lines(matrix: Matrix) -> list[str]:
     return lines
 
 
-def reasons_of(asked: TracesAsked, judged: Judged) -> dict[str, str]:
+def reasons_of(request: TracesAsked, judged: Judged) -> dict[str, str]:
     """Return which predicate, time and values decided each verdict, in a phrase.
 
-    Left out are undecided requirements, unknown values, verdicts on a trace without its start, and
-    verdicts that rest on no single value of the trace.
+    The result leaves out undecided requirements, unknown values, verdicts on a trace without its
+    start, and verdicts that do not depend on a single value of the trace.
     """
     reasons = {}
     for name, judgement in judged.judgements.items():
@@ -361,7 +361,7 @@ def reasons_of(asked: TracesAsked, judged: Judged) -> dict[str, str]:
         decided = judgement.verdict is not Verdict.UNDECIDED
         if decided and not counted and not judgement.from_start.unknown:
             verdict = judgement.verdict
-            explanation = _explained(asked.specs[name], judged, asked.reading, verdict)
+            explanation = _explained(request.specs[name], judged, request.reading, verdict)
             if explanation is not None:
                 reasons[name] = explanation.reason
     return reasons
@@ -392,7 +392,7 @@ def _explained(
     """Return the explanation of a verdict on a trace with known values.
 
     Under ``cut`` and ``open`` it follows the bound that decides; see `explain_verdict`. An
-    undecided verdict is explained as if nothing follows.
+    undecided verdict is explained as if the trace were complete.
     """
     requirement, trace = judge.viewed(spec, reading.view), judged.trace
     end: End = "complete" if verdict is Verdict.UNDECIDED else reading.end
@@ -428,18 +428,18 @@ def _outcome(
     spec: rtamt.Specification,
     judged: Judged,
     name: str,
-    asked: TracesAsked,
+    request: TracesAsked,
     explain: Sequence[Verdict],
 ) -> Outcome:
     judgement = judged.judgements[name]
     explanation, occurrences = "", None
     if judgement.verdict in explain:
-        explanation = _explanation(spec, judged, name, asked.reading)
-    if asked.occurrences and judged.trace is not None:
+        explanation = _explanation(spec, judged, name, request.reading)
+    if request.occurrences and judged.trace is not None:
         from rtamt_gym.recorded.occurrences import occurrences_of
 
         occurrences = occurrences_of(
-            spec, judged.trace, judged.period, asked.reading.about(name), judgement
+            spec, judged.trace, judged.period, request.reading.about(name), judgement
         )
     result = judgement.found
     return Outcome(

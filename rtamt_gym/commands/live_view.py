@@ -18,7 +18,7 @@ def open_view(
     *,
     pictures: int | None = None,
 ) -> RerunView | None:
-    """Open the view that ``--rerun`` asks for.
+    """Open the view for ``--rerun``.
 
     Args:
         path: The value of the option: False without the option, None without a file.
@@ -40,7 +40,7 @@ def open_view(
 
 
 def hold(view: RerunView) -> None:
-    """Wait for Ctrl-C if the view has a viewer, so that it can be looked at."""
+    """Keep a view with a viewer open until Ctrl-C."""
     if view.address is None:
         return
     print(f"ended; the view stays until Ctrl-C: {view.address}", file=sys.stderr)

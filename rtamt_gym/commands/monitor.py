@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from rtamt_gym.results.trial import Trial
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
-"""The options that write what becomes of one trace over time."""
+"""The options that write the robustness of one trace over time."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -137,7 +137,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mutants(parser.add_argument_group("mutants"))
 
 
-def _check_expected(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> None:
+def _check_expected(
+    options: argparse.Namespace, request: TracesAsked, paths: Sequence[str]
+) -> None:
     """Raise InputError if a requirement or traces that the command line expects are missing."""
     if options.undecided and not options.junit:
         raise InputError(
@@ -145,15 +147,15 @@ def _check_expected(options: argparse.Namespace, asked: TracesAsked, paths: Sequ
             "add --junit FILE or leave it out"
         )
     for name in options.expect:
-        if name not in asked.specs:
-            hint = nearest(name, asked.specs) or f"; they are {listing(asked.specs)}"
+        if name not in request.specs:
+            hint = nearest(name, request.specs) or f"; they are {listing(request.specs)}"
             raise InputError(f"--expect: no requirement {name!r} is evaluated{hint}")
     if options.min_traces is not None and len(paths) < options.min_traces:
         raise InputError(
             "; ".join(
                 [
                     f"--min-traces: expected {options.min_traces} traces or more, got {len(paths)}",
-                    *asked.ignored,
+                    *request.ignored,
                 ]
             )
         )
@@ -162,7 +164,7 @@ def _check_expected(options: argparse.Namespace, asked: TracesAsked, paths: Sequ
 def discard_old_outcomes(words: Sequence[str]) -> None:
     """Remove the JUnit file of an earlier run, before the command line is parsed.
 
-    A run that stops early, for example at a misspelt option, then leaves no outcomes behind.
+    A run that stops early, for example at a misspelt option, then does not leave old outcomes.
 
     Args:
         words: The command line.
@@ -206,17 +208,17 @@ def run(options: argparse.Namespace) -> int:
     for option in _OVER_TIME:
         if _given(options, option):
             refuse_unknown(options, option, "needs the robustness at every sample")
-    asked, paths = read_arguments(options)
-    _check_expected(options, asked, paths)
-    asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
+    request, paths = read_arguments(options)
+    _check_expected(options, request, paths)
+    request = replace(request, reading=with_stages(request.specs, request.reading))
     if options.results is not None:
         from rtamt_gym.commands.fleet import run_fleet
 
-        return run_fleet(options, asked, paths)
-    return _judge(options, asked, paths)
+        return run_fleet(options, request, paths)
+    return _judge(options, request, paths)
 
 
-def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> int:
+def _judge(options: argparse.Namespace, request: TracesAsked, paths: Sequence[str]) -> int:
     """Judge the traces with all outcomes in memory; return the exit code."""
     from rtamt_gym.commands.judging import (
         failure_lines,
@@ -229,17 +231,17 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
     for option in ("--verify", "--backend", "--scheduler"):
         if getattr(options, option.removeprefix("--")):
             raise InputError(f"expected --results DIR with {option}, got none")
-    asked = replace(asked, occurrences=occurrences.are_needed(options))
-    occurrences.check_arguments(options, asked, paths)
-    check_mutants(options, asked)
+    request = replace(request, occurrences=occurrences.are_needed(options))
+    occurrences.check_arguments(options, request, paths)
+    check_mutants(options, request)
     _check_files(options, paths)
-    wanted = options.json or options.junit or options.markdown
-    explain = (Verdict.VIOLATED,) if wanted else ()
+    detailed = options.json or options.junit or options.markdown
+    explain = (Verdict.VIOLATED,) if detailed else ()
     judged = None
-    watch = MutantWatch(options, asked) if options.mutants else None
+    watch = MutantWatch(options, request) if options.mutants else None
     if len(paths) == 1:
-        judged = judge_file(asked, paths[0], formulas=True)
-        rows = [row_of(asked, judged, explain=explain)]
+        judged = judge_file(request, paths[0], formulas=True)
+        rows = [row_of(request, judged, explain=explain)]
         if watch is not None:
             watch.take(rows[0], watch.see(judged, rows[0]))
     else:
@@ -247,28 +249,28 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
             if _given(options, option):
                 raise InputError(f"expected one trace for {option}, got {len(paths)}")
         workers = options.workers
-        rows = judge_files(asked, paths, workers=workers, explain=explain, watch=watch)
-    matrix = matrix_of(asked, rows)
+        rows = judge_files(request, paths, workers=workers, explain=explain, watch=watch)
+    matrix = matrix_of(request, rows)
     warnings = evidence_warnings(matrix, "trace", Required.of(options))
-    warnings += length_warnings(rows, asked.min_duration)
-    warnings += range_warnings(rows) if asked.strict_ranges else []
-    warnings += map(VerdictWarning, (*identified_texts(asked.specs), *asked.ignored))
+    warnings += length_warnings(rows, request.min_duration)
+    warnings += range_warnings(rows) if request.strict_ranges else []
+    warnings += map(VerdictWarning, (*identified_texts(request.specs), *request.ignored))
     scores = {} if watch is None else watch.scores(matrix)
     warnings += score_warnings(options, scores)
-    # Traces that test a requirement violate it too: then their verdicts are no failure.
+    # Traces that test a requirement also violate it, so their verdicts are not failures.
     word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word
     code = exit_code([word], warnings)
     if options.json:
         from rtamt_gym.recorded.outcomes_json import json_parts
 
         made_of = matrix.with_files([*files_of(options.specs), *recorded_files(paths)])
-        columns, least = _columns(asked, paths), asked.min_duration
+        columns, least = _columns(request, paths), request.min_duration
         mutants = {"scores": scores, "least": options.min_killed} if options.mutants else None
         rules = {
-            **_rules(asked),
-            **({"stages": stages} if (stages := asked.reading.stages) else {}),
+            **_rules(request),
+            **({"stages": stages} if (stages := request.reading.stages) else {}),
         }
-        groups = {shown(name): keys for name, keys in asked.groups.items()}
+        groups = {shown(name): keys for name, keys in request.groups.items()}
         parts = json_parts(
             *(made_of, rules, columns, code), least=least, mutants=mutants, groups=groups
         )
@@ -277,16 +279,16 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
         print()
     else:
         with without_collection():
-            lines = _report(asked, matrix, judged)
+            lines = _report(request, matrix, judged)
         print(*lines, sep="\n", end="")
         print(*occurrences.report(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
-    messages = _write(options, asked, matrix, judged, [*undecided, *warnings])
-    messages += occurrences.write_files(options, asked, matrix, paths)
+    messages = _write(options, request, matrix, judged, [*undecided, *warnings])
+    messages += occurrences.write_files(options, request, matrix, paths)
     messages += _list_episodes(options, rows, paths)
     if options.write_killing_traces is not None:
-        messages.append(write_apart(scores, asked, matrix, options.write_killing_traces))
+        messages.append(write_apart(scores, request, matrix, options.write_killing_traces))
     print(*messages, sep="", end="", file=sys.stderr if options.json else sys.stdout)
     print_warnings(warnings, stderr=options.json)
     print(end="", flush=True)
@@ -298,7 +300,7 @@ def _judge(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]
 def _list_episodes(
     options: argparse.Namespace, rows: Sequence[Trial], paths: Sequence[str]
 ) -> list[str]:
-    """Write the violated episodes if a file is asked for; return a line about it."""
+    """Write the violated episodes if the option is set; return a line about it."""
     if not options.violated_episodes:
         return []
     from rtamt_gym.recorded.outcomes_json import violated_episodes
@@ -308,7 +310,7 @@ def _list_episodes(
     return [f"violated episodes: {options.violated_episodes}, {summary}\n"]
 
 
-def _report(asked: TracesAsked, matrix: Matrix, judged: Judged | None) -> Sequence[str]:
+def _report(request: TracesAsked, matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     """Return the lines of the report: on one trace in detail, on several as a table."""
     if judged is None:
         from rtamt_gym.results.matrix import matrix_lines
@@ -323,7 +325,7 @@ def _report(asked: TracesAsked, matrix: Matrix, judged: Judged | None) -> Sequen
 
     trace = judged.trace
     head = extent_of(trace, judged.period).lines(trace.source)
-    lines = report(judged.judgements, head, trace.notes, reasons_of(asked, judged))
+    lines = report(judged.judgements, head, trace.notes, reasons_of(request, judged))
     return [*lines, *ids_lines(matrix.provenance), ""]
 
 
@@ -336,37 +338,37 @@ def _mutants(scores: Mapping[str, MutationScore], matrix: Matrix) -> Sequence[st
     return ["", *score_lines(scores, len(matrix.rows)), ""]
 
 
-def _columns(asked: TracesAsked, paths: Sequence[str]) -> Columns:
+def _columns(request: TracesAsked, paths: Sequence[str]) -> Columns:
     """Return the options of columns with the defaults of specifications and topics of bags.
 
-    With these a trace is read alike under formulas that have lost their declarations.
+    With these, formulas without their declarations read a trace in the same way.
     """
     from rtamt_gym.recorded.names import starts_of, with_columns
     from rtamt_gym.recorded.readers import is_bag
 
-    columns = replace(asked.columns, starts=starts_of(asked.specs, asked.columns))
+    columns = replace(request.columns, starts=starts_of(request.specs, request.columns))
     bags = [*map(is_bag, recorded_files(paths))]
     if not all(bags):
-        return columns if any(bags) else with_columns(asked.specs, columns)
+        return columns if any(bags) else with_columns(request.specs, columns)
     from rtamt_gym.recorded.bag_topics import columns_of
 
-    return columns_of(asked.specs, columns)
+    return columns_of(request.specs, columns)
 
 
-def _rules(asked: TracesAsked) -> dict[str, str]:
+def _rules(request: TracesAsked) -> dict[str, str]:
     """Return the options of evaluation by name."""
     names = ("end", "view", "semantics", "align", "period")
-    rules = {name: getattr(asked.reading, name) for name in names}
+    rules = {name: getattr(request.reading, name) for name in names}
     texts = {name: str(value) for name, value in rules.items() if value is not None}
-    if asked.min_duration is not None:
-        texts["min_duration"] = str(asked.min_duration)
-    texts |= {f"constant:{name}": value for name, value in asked.constants.items()}
-    return texts | {"time": "dense" if asked.reading.dense else "sampled"}
+    if request.min_duration is not None:
+        texts["min_duration"] = str(request.min_duration)
+    texts |= {f"constant:{name}": value for name, value in request.constants.items()}
+    return texts | {"time": "dense" if request.reading.dense else "sampled"}
 
 
 def _write(
     options: argparse.Namespace,
-    asked: TracesAsked,
+    request: TracesAsked,
     matrix: Matrix,
     judged: Judged | None,
     warnings: Sequence[VerdictWarning],
@@ -376,7 +378,7 @@ def _write(
     if options.junit:
         from rtamt_gym.results.ci_outcomes import junit_parts
 
-        parts = junit_parts(matrix, _rules(asked), warnings, least=asked.min_duration)
+        parts = junit_parts(matrix, _rules(request), warnings, least=request.min_duration)
         with options.junit.open("wb") as file, without_collection():
             file.writelines(parts)
         messages.append(f"outcomes: {options.junit}\n")
@@ -384,7 +386,7 @@ def _write(
         from rtamt_gym.results.ci_outcomes import to_markdown
 
         options.markdown.write_text(
-            to_markdown(matrix, warnings, asked.constants), encoding="utf-8"
+            to_markdown(matrix, warnings, request.constants), encoding="utf-8"
         )
         messages.append(f"outcomes: {options.markdown}\n")
     if judged is None or judged.trace is None or not judged.judgements:
@@ -392,24 +394,24 @@ def _write(
     if options.out:
         from rtamt_gym.recorded.output import save as save_robustness
 
-        save_robustness(judged.judgements, options.out, dense=asked.reading.dense)
+        save_robustness(judged.judgements, options.out, dense=request.reading.dense)
         messages.append(f"robustness: {options.out}\n")
     if options.write_mcap:
         from rtamt_gym.recorded.bag_output import write_mcap
 
-        found = {
+        listed = {
             name: outcome.occurrences
             for name, outcome in matrix.rows[0].outcomes.items()
             if outcome.occurrences is not None
         }
         added, lost = write_mcap(
-            judged.trace, judged.judgements, asked.specs, options.write_mcap, found
+            judged.trace, judged.judgements, request.specs, options.write_mcap, listed
         )
         copied = f"copy of the bag: {options.write_mcap}, with {', '.join(added)}"
         if lost:
             copied += f"; without {', '.join(lost)}, whose classes the bag does not define"
         lines = TextWrapper(80, subsequent_indent="  ")
-        lines.break_on_hyphens = lines.break_long_words = False  # a path stays whole
+        lines.break_on_hyphens = lines.break_long_words = False  # paths must not be broken
         messages.append(lines.fill(copied) + "\n")
     if options.plot:
         from rtamt_gym.drawing import save
@@ -417,7 +419,7 @@ def _write(
         from rtamt_gym.recorded.plot import draw_trace
 
         signals = signals_of(judged.trace, judged.period)
-        reads = {name: spec.variables for name, spec in asked.specs.items()}
+        reads = {name: spec.variables for name, spec in request.specs.items()}
         source = judged.trace.source
         figure = draw_trace(signals, judged.judgements, source, reads, everything=options.all)
         save(figure, options.plot)

@@ -1,4 +1,4 @@
-"""The mutants of requirements that traces notice, for `rtamt monitor --mutants`."""
+"""The mutants of requirements, and the traces that kill them, for `rtamt monitor --mutants`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _MOST: Final = 50
 _SECONDS: Final = 2.0
-"""How long a solver may look for a trace that tells a mutant apart."""
+"""The time limit of a solver for a trace that distinguishes a mutant from its requirement."""
 
 _DECIDED: Final = {Verdict.SATISFIED, Verdict.VIOLATED}
 
@@ -98,9 +98,9 @@ def check_arguments(options: argparse.Namespace, request: TracesAsked) -> None:
 class MutantWatch:
     """Judges the mutants of requirements on traces while these are read.
 
-    Where bounds move by the period of the traces, the first trace says it; if others have another,
-    the mutants are made anew, and the traces read once more. What a trace has noticed is judged on
-    no other.
+    If time bounds change by the period, the first trace sets the period. If other traces have
+    another period, the mutants are made again, and all traces are read a second time. A mutant is
+    not judged again after a trace has killed it.
 
     Args:
         options: The arguments.
@@ -108,7 +108,7 @@ class MutantWatch:
     """
 
     def __init__(self, options: argparse.Namespace, request: TracesAsked) -> None:
-        self._asked = request
+        self._request = request
         self._most: int = options.max_mutants or _MOST
         self._kinds: Sequence[str] | None = options.mutation or None
         self._period: Fraction | None = None
@@ -129,7 +129,7 @@ class MutantWatch:
         from rtamt_gym.recorded.judge import noticed
 
         if not self.ready and row.extent is not None:
-            self._make(_period(self._asked, [row]))
+            self._make(_period(self._request, [row]))
         if not self.ready or judged.trace is None:
             return {}
         killed: dict[str, list[int]] = {}
@@ -138,7 +138,7 @@ class MutantWatch:
             if outcome.verdict not in _DECIDED or not left:
                 continue
             mutants = [self._made[name][i] for i in left]
-            kills = noticed(mutants, judged.trace, judged.period, self._asked.reading)
+            kills = noticed(mutants, judged.trace, judged.period, self._request.reading)
             killed[name] = [i for i, kill in zip(left, kills, strict=True) if kill]
             self._seen[name].update(killed[name])
         return killed
@@ -153,10 +153,10 @@ class MutantWatch:
         """Return the scores after all traces."""
         from rtamt_gym.results.mutation import MutationScore
 
-        period = _period(self._asked, matrix.rows)
+        period = _period(self._request, matrix.rows)
         if not self.ready or period != self._period:
             self._again(matrix, period)
-        total = sum(len(each) for each in self._made.values())
+        total = sum(map(len, self._made.values()))
         total -= sum(map(len, self._noticed.values()))
         scores = {}
         with progress("comparing", total, " mutants") as advance:
@@ -164,7 +164,7 @@ class MutantWatch:
                 judged = []
                 for number, mutant in enumerate(mutants):
                     trace = self._noticed[name].get(number, "")
-                    judged.append(_judged(self._asked, mutant, period, trace))
+                    judged.append(_judged(self._request, mutant, period, trace))
                     advance(0 if trace else 1)
                 left_out = self._left_out[name]
                 capped = len(mutants) + left_out >= self._most
@@ -172,14 +172,14 @@ class MutantWatch:
         return scores
 
     def _make(self, period: Fraction | None) -> None:
-        """Make the mutants, none of which is killed yet."""
+        """Make the mutants, and forget which mutants are killed."""
         self._period = period
-        for name, spec in self._asked.specs.items():
+        for name, spec in self._request.specs.items():
             mutants = rtamt.mutants(spec, period, kinds=self._kinds, limit=self._most)
             ahead = [
                 mutant
                 for mutant in mutants
-                if mutant.specification.looks_ahead or self._asked.reading.view == "step"
+                if mutant.specification.looks_ahead or self._request.reading.view == "step"
             ]
             self._made[name], self._left_out[name] = ahead, len(mutants) - len(ahead)
             self._noticed[name], self._seen[name] = {}, set()
@@ -191,7 +191,7 @@ class MutantWatch:
         self._make(period)
         with progress("judging mutants", len(matrix.rows), " traces") as advance:
             for row in matrix.rows:
-                self.take(row, self.see(read_file(self._asked, row.name), row))
+                self.take(row, self.see(read_file(self._request, row.name), row))
                 advance(1)
 
 
@@ -200,7 +200,7 @@ def _timed(request: TracesAsked) -> bool:
 
 
 def _period(request: TracesAsked, rows: Sequence[Trial]) -> Fraction | None:
-    """Return the period by which bounds move: a common multiple of the periods of the traces."""
+    """Return the change of time bounds: a common multiple of the periods of the traces."""
     if request.reading.period is not None or request.reading.dense:
         return request.reading.seconds
     periods = [row.extent.period for row in rows if row.extent and row.extent.period]
@@ -281,7 +281,7 @@ def _differ(
 
 
 def _both(request: TracesAsked, mutant: Mutant) -> tuple[rtamt.Specification, rtamt.Specification]:
-    """Requirement and mutant, as the traces are judged by them."""
+    """Return the requirement and the mutant in the form that is evaluated on traces."""
     one, other = mutant.requirement, mutant.specification
     return (one.always(), other.always()) if request.reading.view == "step" else (one, other)
 
@@ -308,7 +308,7 @@ def write_apart(
 ) -> str:
     """Write traces that kill the survivors; return a line about them.
 
-    They have a column of times where the traces have one, and the columns of their requirement.
+    They have the columns of their requirement, and a column of times if the traces have one.
     """
     from rtamt_gym.commands.example_traces import write_samples
 

@@ -51,7 +51,9 @@ def are_needed(options: argparse.Namespace) -> bool:
     return bool(options.occurrences or options.write_occurrences or options.clip)
 
 
-def check_arguments(options: argparse.Namespace, asked: TracesAsked, paths: Sequence[str]) -> None:
+def check_arguments(
+    options: argparse.Namespace, request: TracesAsked, paths: Sequence[str]
+) -> None:
     """Raise InputError if the table or the clips cannot be written."""
     if options.write_occurrences is not None:
         from rtamt_gym.recorded.output import check_output
@@ -64,7 +66,7 @@ def check_arguments(options: argparse.Namespace, asked: TracesAsked, paths: Sequ
         return
     from rtamt_gym.recorded.clips import check_clips
 
-    if asked.reading.period is not None and not all(map(is_bag, paths)):
+    if request.reading.period is not None and not all(map(is_bag, paths)):
         raise InputError("--clip: expected the times of the recording, got --period")
     _around(options)
     check_clips(options.clip, paths)
@@ -75,7 +77,7 @@ def _around(options: argparse.Namespace) -> float:
 
 
 def report(options: argparse.Namespace, matrix: Matrix) -> Sequence[str]:
-    """Return the lines about all violations, after an empty line."""
+    """Return the lines about all violations, between empty lines."""
     if not options.occurrences:
         return []
     from rtamt_gym.recorded.occurrences import occurrence_lines
@@ -84,7 +86,7 @@ def report(options: argparse.Namespace, matrix: Matrix) -> Sequence[str]:
 
 
 def write_files(
-    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, paths: Sequence[str]
+    options: argparse.Namespace, request: TracesAsked, matrix: Matrix, paths: Sequence[str]
 ) -> list[str]:
     """Write the table and the clips; return a line about each."""
     messages = []
@@ -94,12 +96,12 @@ def write_files(
         save_occurrences(matrix.rows, options.write_occurrences)
         messages.append(f"occurrences: {options.write_occurrences}\n")
     if options.clip is not None:
-        messages.append(_write_clips(options, asked, matrix, paths))
+        messages.append(_write_clips(options, request, matrix, paths))
     return messages
 
 
 def _write_clips(
-    options: argparse.Namespace, asked: TracesAsked, matrix: Matrix, paths: Sequence[str]
+    options: argparse.Namespace, request: TracesAsked, matrix: Matrix, paths: Sequence[str]
 ) -> str:
     from rtamt_gym.recorded.clips import clips_of, write_table_clips
     from rtamt_gym.recorded.names import with_columns
@@ -110,12 +112,12 @@ def _write_clips(
         if own and is_bag(path):
             from rtamt_gym.recorded.bag_output import write_bag_clips
 
-            trace, _ = read_trace_of(asked, path)
+            trace, _ = read_trace_of(request, path)
             spans = {options.clip / f"{clip.name}.mcap": (clip.begin, clip.end) for clip in own}
             write_bag_clips(path, trace.epoch, spans)
         elif own:
-            names = variables_of(asked.specs)
-            columns = with_columns(asked.specs, asked.columns)
+            names = variables_of(request.specs)
+            columns = with_columns(request.specs, request.columns)
             write_table_clips(path, names, columns, own, options.clip)
     written = counted(sum(map(len, clips)), "clip")
     more = f"; --clip-limit leaves out {counted(left_out, 'violation')}" if left_out else ""

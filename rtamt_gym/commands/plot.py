@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _last_values(groups: Mapping[str, Sequence[TrainingLog]], columns: Sequence[str]) -> list[str]:
-    """Return a table of the last rates."""
+    """Return a table of the newest satisfaction rates."""
     from rtamt_gym.learners.curves import PANELS, band_of
 
     rows: list[tuple[str, ...]] = [

@@ -53,7 +53,7 @@ def judge_recordings(
 ) -> pa.Table:
     r"""Judge recorded files into a folder, as ``rtamt monitor --results`` does.
 
-    A next call with the folder judges only new and changed files.
+    Another call with the same folder judges only new and changed files.
 
     Args:
         specs: As for `StlMonitor`.
@@ -96,18 +96,22 @@ def judge_recordings(
         raise InputError(f"expected workers of 1 or more, got {workers}")
     if isinstance(files, str | os.PathLike):
         raise InputTypeError(f"expected a list of files, got {os.fspath(files)!r}. Pass [PATH].")
-    own = {**(columns or {})}
-    _check_names("columns", own, [f.name for f in fields(Columns) if f.name not in _INNER])
+    column_options = {**(columns or {})}
+    _check_names(
+        "columns", column_options, [f.name for f in fields(Columns) if f.name not in _INNER]
+    )
     _check_names("judge_recordings()", reading, [*RecordedKeywords.__annotations__])
     loaded = load_specs(specs)
     paths, ignored = trace_paths([os.fspath(file) for file in files])
     if not paths:
         raise InputError("expected one or more files, got none")
-    asked = TracesAsked(loaded, EvaluationOptions(**reading), Columns(**own), ignored=ignored)
-    asked, paths = checked_request(asked, loaded, paths)
-    asked = replace(asked, reading=with_stages(asked.specs, asked.reading))
+    request = TracesAsked(
+        loaded, EvaluationOptions(**reading), Columns(**column_options), ignored=ignored
+    )
+    request, paths = checked_request(request, loaded, paths)
+    request = replace(request, reading=with_stages(request.specs, request.reading))
     table, _ = judge_into(
-        asked,
+        request,
         paths,
         Path(results),
         processes=workers,

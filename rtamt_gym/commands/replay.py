@@ -102,10 +102,12 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     yield ""
     verdict = verdict_text(course.verdict, course.final)
     got = f"{verdict}, robustness {course.final_text('.6g')}"
-    asked = trigger_texts(course.triggers or (), lambda at: sample_text(int(at), replayed.period))
+    triggers = trigger_texts(
+        course.triggers or (), lambda at: sample_text(int(at), replayed.period)
+    )
     if saved.repeats(replayed):
         yield f"{got}: as expected, to the last bit"
-        yield from (line for text in asked for line in _wrapped(text, ""))
+        yield from (line for text in triggers for line in _wrapped(text, ""))
         return
     yield got
     other = "another robustness" if saved.gives(replayed) else "another verdict"
@@ -117,11 +119,11 @@ def _lines(saved: SavedCase, replayed: Run) -> Iterator[str]:
     changes = [f"{name} {now} (then {then})" for name, (then, now) in saved.newer().items()]
     if changes:
         yield from _wrapped(f"run by {', '.join(changes)}", "")
-    yield from (line for text in asked for line in _wrapped(text, ""))
+    yield from (line for text in triggers for line in _wrapped(text, ""))
 
 
 def _changes(saved: SavedCase, *, accepted: bool) -> list[str]:
-    """Return lines on what has changed since the case was saved, as far as that is known."""
+    """Return lines on the known changes since the case was saved."""
     from rtamt_gym.results.provenance import listed
 
     if saved.fingerprint is None:

@@ -129,8 +129,8 @@ def _run(options: argparse.Namespace, kwargs: Mapping[str, Any], view: RerunView
     screen = _screen(options)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         own = own_requirements(env)
-        every = requirements_of(options.spec, own, options.env_id, "--spec")
-        specs, signals = selected(every, options.only, signals)
+        requirements = requirements_of(options.spec, own, options.env_id, "--spec")
+        specs, signals = selected(requirements, options.only, signals)
         make_policy = policy_of(options.policy, env)
 
         run_one = simulate if screen is None else _shown(screen, options)
@@ -158,7 +158,7 @@ def _run(options: argparse.Namespace, kwargs: Mapping[str, Any], view: RerunView
         name for name in signals if all(name not in spec.variables for spec in specs.values())
     ]
     if unread:
-        notes.append(f"read by no specification: {listing(unread)}")
+        notes.append(f"signals that no specification reads: {listing(unread)}")
     shown_below = [*failed, *end_note(record), *saved_note(episodes), *notes]
     print("", *run_table(episodes), *[""] * bool(shown_below), *shown_below, sep="\n")
     if options.json:
@@ -176,9 +176,9 @@ def _run(options: argparse.Namespace, kwargs: Mapping[str, Any], view: RerunView
         runs = {
             i: episode for i, episode in enumerate(episodes, 1) if not isinstance(episode, Trial)
         }
-        shown = next((i for i, run in runs.items() if run.violated_by), min(runs))
-        save(draw([runs[shown]]), options.plot)
-        print(f"picture of episode {shown}: {options.plot}")
+        number = next((i for i, run in runs.items() if run.violated_by), min(runs))
+        save(draw([runs[number]]), options.plot)
+        print(f"picture of episode {number}: {options.plot}")
     warnings = evidence_warnings(record, "episode", Required.of(options))
     print_warnings(warnings)
     return exit_code(["failed"] if failed else [], warnings)
@@ -201,22 +201,22 @@ def _shown(screen: Screen, options: argparse.Namespace) -> Callable[..., Run]:
     """Return a function that runs an episode as `simulate` does, on the screen."""
     from rtamt_gym.watching.run_screen import RunScreen
 
-    shown = RunScreen(screen, options.speed)
+    run_screen = RunScreen(screen, options.speed)
 
     def run_one(*arguments: Any, seed: int, **keywords: Any) -> Run:  # noqa: ANN401 - of `simulate`
         title = options.env_id
         if options.episodes > 1:
             title += f", episode {seed - options.seed + 1} of {options.episodes}"
-        return shown.simulate(title, *arguments, seed=seed, **keywords)
+        return run_screen.simulate(title, *arguments, seed=seed, **keywords)
 
     return run_one
 
 
 def _played(play: Callable[[int], Run], seeds: Iterable[int]) -> list[Episode]:
-    """Play an episode of each seed; one that fails does not lose the others.
+    """Play an episode of each seed, and record failed episodes.
 
-    If all fail, there is nothing to show: then the error of the first is raised. A specification
-    that is wrong is so for all of them.
+    If all episodes fail, the first error is raised. An error of a specification is raised at once,
+    because it would be the same in every episode.
     """
     from rtamt_gym.inputs.case import Case
     from rtamt_gym.play.simulation import failed

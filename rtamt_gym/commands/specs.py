@@ -23,7 +23,7 @@ _S = TypeVar("_S")
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
-    """Read a formula or a file; a path has no blank, bracket or comparison."""
+    """Read a formula or a file; a path does not contain blanks, brackets or comparisons."""
     if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
         return rtamt.parse(argument, constants=named_in(argument, constants))
     return load_file(argument, constants)
@@ -43,15 +43,15 @@ def read_requirements(
 ) -> dict[str, rtamt.Specification]:
     """Read specifications, and give each requirement a unique name.
 
-    An argument that names a requirement of the system stands for that requirement.
+    An argument may also be the name of a requirement of the system.
 
-    A text with a single requirement gives it the name in ``name=path``, else its name in the text,
-    else the name of the file, else ``spec``, ``spec2`` and so on. Several requirements of a text
-    keep their names in it, behind the name in ``name=path``: ``safe.near``.
+    The name of a single requirement comes from the first that exists: ``name=path``, the text, the
+    name of the file, or ``spec``, ``spec2`` and so on. Several requirements of a text keep their
+    names, after the name in ``name=path``: ``safe.near``.
 
     Args:
-        arguments: Formulas and paths of files, ``name=path`` too.
-        constants: Values of constants; each text gets those that it names.
+        arguments: Formulas, paths of files and ``name=path``.
+        constants: Values of constants; each text uses the constants that it declares.
         own: The requirements that the system has of its own, by name.
     """
     specs: dict[str, rtamt.Specification] = {}
@@ -69,9 +69,9 @@ def read_requirements(
         for name, requirement in spec.requirements.items():
             _add(specs, f"{given_name}.{name}" if given_name else name, requirement)
     for name in unused:
-        known = [symbol for spec in specs.values() for symbol in (*spec.constants, *spec.variables)]
+        names = [symbol for spec in specs.values() for symbol in (*spec.constants, *spec.variables)]
         raise InputError(
-            f"--constant: no specification has the constant {name!r}{nearest(name, known)}"
+            f"--constant: no specification has the constant {name!r}{nearest(name, names)}"
         )
     return specs
 
@@ -79,18 +79,18 @@ def read_requirements(
 def identified_texts(specs: Mapping[str, rtamt.Specification]) -> list[str]:
     """Return a text for each requirement that another one uses.
 
-    It is judged on its own because it has an id.
+    Such a requirement is evaluated on its own because it has an id.
     """
     texts = []
     for name, spec in specs.items():
         users = [
             other
-            for other, its in specs.items()
-            if its is not spec and its.formulas.get(spec.requirement or "") is spec.formula
+            for other, user in specs.items()
+            if user is not spec and user.formulas.get(spec.requirement or "") is spec.formula
         ]
         if users:
             texts.append(
-                f"{name} is judged on its own, because it has the id {spec.id}; "
+                f"{name} is evaluated on its own, because it has the id {spec.id}; "
                 f"{listing(users)} {'uses' if len(users) == 1 else 'use'} it too"
             )
     return texts
@@ -102,10 +102,10 @@ def requirements_of(
     system: str,
     option: str = "",
 ) -> dict[str, rtamt.Specification]:
-    """Return the requirements of the arguments; without arguments, those of the system.
+    """Return the requirements of the arguments, or all of the system without arguments.
 
     Args:
-        arguments: Names of the system's own, formulas and paths of files.
+        arguments: Names of requirements of the system, formulas and paths of files.
         own: The requirements that the system has of its own, by name.
         system: The name of the system.
         option: The option that the arguments belong to, for the message.
@@ -169,7 +169,7 @@ def chosen(
 def selected(
     specs: Mapping[str, rtamt.Specification], names: Sequence[str], signals: Mapping[str, _S]
 ) -> tuple[dict[str, rtamt.Specification], dict[str, _S]]:
-    """Return the requirements that ``--only`` names, and the signals without those of others.
+    """Return the requirements that ``--only`` names, without the signals of the others.
 
     Args:
         specs: All requirements.
@@ -178,7 +178,7 @@ def selected(
     """
     chosen_specs = chosen(specs, names)
     others = {*variables_of(specs)} - {*variables_of(chosen_specs)}
-    return chosen_specs, {name: each for name, each in signals.items() if name not in others}
+    return chosen_specs, {name: signal for name, signal in signals.items() if name not in others}
 
 
 def _read_argument(

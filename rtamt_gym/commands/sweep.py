@@ -128,11 +128,11 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     with opened_system(options) as opened, noted_ends() as notes:
         entries, numbers = read_varied(options.vary, options.set, opened.scenario)
-        known = requirements_of(
+        candidates = requirements_of(
             options.requirement, opened.requirements, options.env_id, "--requirement"
         )
-        named, signals = selected(known, options.only, signals)
-        requirements = told_apart(named, options.distance)
+        specs, signals = selected(candidates, options.only, signals)
+        requirements = told_apart(specs, options.distance)
         if options.heat_map:
             columns = [c for entry in (entries or opened.inputs) for c in entry.columns]
             _check_map(columns, requirements, options)
@@ -165,9 +165,9 @@ def run(options: argparse.Namespace) -> int:
     if notes:
         print("", *notes, sep="\n")
     _write(done, options)
-    failed, every = len(done.record.failed()), counted(len(done.record), "simulation")
+    failed, total = len(done.record.failed()), counted(len(done.record), "simulation")
     verdict_warnings = failure_warnings(
-        failed, options.allow_failures, f"{failed} of {every} failed"
+        failed, options.allow_failures, f"{failed} of {total} failed"
     )
     verdict_warnings += undecided_warnings(done.record, "simulation", fails=False)
     verdict_warnings += evidence_warnings(done.record, "simulation", Required.of(options))

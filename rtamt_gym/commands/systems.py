@@ -1,4 +1,4 @@
-"""What a search runs and varies, as arguments: a system, ``--vary`` and ``--set``."""
+"""Arguments of searches: the system, ``--vary`` and ``--set``."""
 
 from __future__ import annotations
 
@@ -19,20 +19,18 @@ from rtamt_gym.commands.arguments import read_options
 
 if TYPE_CHECKING:
     from rtamt_gym.inputs.space import Parameter, Signal
-if TYPE_CHECKING:
-    from rtamt_gym.inputs.space import Parameter, Signal
 
 
 @dataclass(frozen=True)
 class SearchedSystem:
-    """A system, and what it says of itself.
+    """A system with its own declarations.
 
     Attributes:
         system: The system, as `rtamt_gym.simulate` takes it.
-        path: Its name ``module:function``; None if it is no object of a module.
-        scenario: Its scenario; None where there is none.
+        path: Its name ``module:function``; None if it is not an object of a module.
+        scenario: Its scenario; None without one.
         requirements: Its own requirements, by name.
-        policy: How to act where no input does; None for its own way.
+        policy: The policy for actions that no input sets; None for the default of the system.
     """
 
     system: Any
@@ -43,7 +41,7 @@ class SearchedSystem:
 
     @property
     def inputs(self) -> Sequence[Signal | Parameter]:
-        """What is varied if nothing else is said."""
+        """The inputs that a search varies by default."""
         return getattr(self.scenario, "inputs", ())
 
 
@@ -75,7 +73,7 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
 
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return the name of the system that an argument gives, as `named_system` takes it."""
+    """Return the system of an argument in the form that `named_system` takes."""
     if text.endswith(".py"):
         raise InputError(
             f"expected a system as module:function, got the name of a file; write "
@@ -88,7 +86,9 @@ def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
     else:
         return {"environment": text} | ({"arguments": arguments} if arguments else {})
     if arguments:
-        raise InputError(f"--env-kwarg is for environments, got it for {text}; --set is for all")
+        raise InputError(
+            f"--env-kwarg: expected an environment, got {text}; use --set for other systems"
+        )
     return name
 
 
@@ -100,7 +100,7 @@ def read_varied(
     fixed: Sequence[str],
     scenario: Any,  # noqa: ANN401 - None where there is none
 ) -> tuple[list[Signal | Parameter] | None, dict[str, float]]:
-    """Read ``--vary`` and ``--set``: the entries of a space, None for the default, and numbers."""
+    """Read ``--vary`` and ``--set``: the entries of a space, or None for the default; numbers."""
     numbers: dict[str, float] = {}
     for argument in fixed:
         name, _, text = (part.strip() for part in argument.partition("="))
@@ -125,7 +125,7 @@ def _entry(argument: str, known: Mapping[str, Signal | Parameter]) -> Signal | P
     name, equals, text = (part.strip() for part in argument.partition("="))
     if not equals:
         if name not in known:
-            has = f"the scenario has {listing(known)}" if known else "the system says no ranges"
+            has = f"the scenario has {listing(known)}" if known else "the system declares no ranges"
             raise InputError(f"--vary {name}: expected {_EXAMPLE}; {has}{nearest(name, known)}")
         return known[name]
     span, *options = (part.strip() for part in text.split(","))

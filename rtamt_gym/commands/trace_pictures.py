@@ -1,4 +1,4 @@
-"""Pictures of traces that a solver has found."""
+"""Pictures of the traces of a solver."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _MOST: Final = 12
 
 
 def draw(traces: Sequence[tuple[str, ExampleTrace]], period: Fraction | None) -> Figure:
-    """Draw a panel for each variable of each trace; what repeats for ever is shaded.
+    """Draw a panel for each variable of each trace, with the repeated part shaded.
 
     Args:
-        traces: Traces with what they show, one or more; the first 12 are drawn.
-        period: Seconds between samples; None: times are numbers of samples.
+        traces: One or more traces with their titles; the first 12 are drawn.
+        period: Seconds between samples; None to count samples.
     """
     shown = [*traces[:_MOST]]
     across = min(_ABREAST, len(shown))
@@ -65,12 +65,13 @@ def _variable(
         position += len([*run])
     times.append(trace.samples * step)  # the last sample is as wide as the others
     levels.append(values[-1])
-    known = [level for level in levels if math.isfinite(level)] or [0.0]
-    room = 0.2 * (max(known) - min(known)) or 1.0  # a constant line is not noise
-    ax.set_ylim(min(known) - room, max(known) + room)
-    shown = np.clip(levels, min(known) - room, max(known) + room)  # infinities lie at the edge
-    ax.plot(times, shown, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")
+    finite = [level for level in levels if math.isfinite(level)] or [0.0]
+    margin = 0.2 * (max(finite) - min(finite)) or 1.0  # a constant line needs a margin too
+    bottom, top = min(finite) - margin, max(finite) + margin
+    ax.set_ylim(bottom, top)
+    clipped = np.clip(levels, bottom, top)  # infinities lie at the edge
+    ax.plot(times, clipped, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")
     ax.margins(x=0.0)
     if trace.loop:
-        begin = (trace.samples - trace.loop) * step
-        ax.axvspan(begin, trace.samples * step, color=drawing.BOUNDS, alpha=0.4, linewidth=0)
+        loop_start = (trace.samples - trace.loop) * step
+        ax.axvspan(loop_start, trace.samples * step, color=drawing.BOUNDS, alpha=0.4, linewidth=0)

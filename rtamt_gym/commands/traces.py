@@ -56,17 +56,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TracesAsked:
-    """What a command is to judge.
+    """The request of a command: requirements and how traces are read.
 
     Attributes:
         specs: The requirements by name.
         reading: How traces are judged.
         columns: How their columns are read.
-        min_duration: How long each trace is to last, in seconds; None: any time.
+        min_duration: Minimum length of each trace in seconds; None for any length.
         constants: The values of constants that the command line sets, by name.
         ignored: A text for each folder with files that are not traces.
         strict_ranges: Whether the command fails for values outside their declared ranges.
-        groups: The values that tell each trace apart from others in its file, by its name.
+        groups: The values that identify each group in its file, by the name of the trace.
         occurrences: Whether all violations are listed.
     """
 
@@ -81,7 +81,7 @@ class TracesAsked:
     occurrences: bool = False
 
     def having(self, specs: Mapping[str, rtamt.Specification]) -> TracesAsked:
-        """Return the same with some of the requirements and the ``--signal`` of their variables."""
+        """Return the request for some requirements, with the ``--signal`` of their variables."""
         read = {*variables_of(specs), *_messages(specs)}
         signals = {name: where for name, where in self.columns.signals.items() if name in read}
         return replace(self, specs=specs, columns=replace(self.columns, signals=signals))
@@ -282,8 +282,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     paths, ignored = trace_paths(traces, as_files=as_files)
     texts = [p for word in specs for p in _files(word, [".stl"], [], pattern=word.endswith(".stl"))]
     constants = read_constants(options.constant)
-    every = read_requirements(texts, constants)
-    requirements = chosen(every, options.only)
+    all_specs = read_requirements(texts, constants)
+    requirements = chosen(all_specs, options.only)
     reading = read_evaluation_options(options)
     same = {f.name for f in fields(Columns)} - {"signals", "starts", "defaults"}
     columns = read_columns(
@@ -292,20 +292,20 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
         **{name: getattr(options, name) for name in same},
     )
     least = getattr(options, "min_duration", None)
-    asked = TracesAsked(
+    request = TracesAsked(
         *(requirements, reading, columns),
         None if least is None else read_seconds("--min-duration", least),
         constants,
         ignored,
         getattr(options, "strict_ranges", False),
     )
-    asked, paths = checked_request(asked, every, paths, as_files=as_files)
-    return asked.having(requirements) if options.only else asked, paths
+    request, paths = checked_request(request, all_specs, paths, as_files=as_files)
+    return request.having(requirements) if options.only else request, paths
 
 
 def checked_request(
-    asked: TracesAsked,
-    every: Mapping[str, rtamt.Specification],
+    request: TracesAsked,
+    all_specs: Mapping[str, rtamt.Specification],
     files: Sequence[str],
     *,
     as_files: bool = False,
@@ -313,15 +313,20 @@ def checked_request(
     """Check that options, requirements and files fit each other, and list the traces.
 
     Args:
-        asked: The request, without groups.
-        every: The requirements, those too that are not judged.
+        request: The request, without groups.
+        all_specs: All requirements, including those that ``--only`` leaves out.
         files: The paths of files.
         as_files: Whether each path is a trace.
     """
     from rtamt_gym.recorded.judge import viewed
     from rtamt_gym.recorded.names import starts_of
 
-    requirements, reading, columns, paths = asked.specs, asked.reading, asked.columns, [*files]
+    requirements, reading, columns, paths = (
+        request.specs,
+        request.reading,
+        request.columns,
+        [*files],
+    )
     for spec in requirements.values():
         viewed(spec, reading.view)
     if reading.period is not None:
@@ -345,14 +350,14 @@ def checked_request(
             Argument("dense", True),  # noqa: FBT003 - the value of the argument
             " or with a bag or log, where variables start at times of their own",
         )
-    _check_signals(columns, every)
+    _check_signals(columns, all_specs)
     starts_of(requirements, columns)
-    _check_defaults(columns, every)
+    _check_defaults(columns, all_specs)
     if any(map(is_bag, files)):
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
-    return replace(asked, reading=reading, groups=groups), paths
+    return replace(request, reading=reading, groups=groups), paths
 
 
 def _check_forms(columns: Columns, *, dense: bool) -> None:
@@ -408,10 +413,10 @@ def _check_signals(columns: Columns, specs: Mapping[str, rtamt.Specification]) -
 
 def _check_defaults(columns: Columns, specs: Mapping[str, rtamt.Specification]) -> None:
     """Refuse ``defaults`` for a variable without one."""
-    known = sorted({name for spec in specs.values() for name in spec.defaults})
+    declared = sorted({name for spec in specs.values() for name in spec.defaults})
     for name in columns.defaults:
-        if name not in known:
-            hint = nearest(name, known) or f"; they declare one for {listing(known)}"
+        if name not in declared:
+            hint = nearest(name, declared) or f"; they declare one for {listing(declared)}"
             where = Argument("defaults", words='columns["defaults"]')
             raise InputError(where, f": no specification declares one for {name!r}{hint}")
 
@@ -422,7 +427,7 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
     Args:
         options: The arguments.
         command: Its name.
-        does: What it does with a robustness.
+        does: How it uses the robustness, as a clause such as ``"compares ..."``.
     """
     if options.missing == "unknown":
         raise InputError(
@@ -437,7 +442,7 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
 
 
 def read_trace_of(request: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Read a trace, and its period: as given, else found in its samples, or None."""
+    """Read a trace and its period: ``--period``, or the period of the samples, or None."""
     from rtamt_gym.recorded.judge import extent_of
     from rtamt_gym.recorded.ruled import read_ruled
     from rtamt_gym.recorded.trace import constant_note, outside_ranges
@@ -454,14 +459,14 @@ def read_trace_of(request: TracesAsked, path: str) -> tuple[Trace | EventTrace, 
 
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:
-    """Return the messages whose fields specifications read."""
+    """Return the variables of messages with fields that specifications read."""
     return {
         subscription.variable for spec in specs.values() for subscription in spec.subscriptions()
     }
 
 
 _SURE = tuple(extension for extension in extensions() if extension != ".txt")
-"""The ends of the names of files that are traces for sure; a specification may be a ``.txt``."""
+"""The file extensions of traces only; ``.txt`` may also be a specification."""
 
 
 def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -478,11 +483,11 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     for word in traces:
         if word.endswith(".json"):
             raise InputError(
-                f"expected a trace, got {word}; --json names no file: it writes to standard output"
+                f"expected a trace, got {word}; --json takes no file, it writes to stdout"
             )
         if word.endswith(".stl"):
             raise InputError(
-                f"expected a trace, got the specification {word}; specifications stand first"
+                f"expected a trace, got the specification {word}; put specifications first"
             )
     formula_last = len(words) > 1 and not names_file(words[-1])
     as_traces = [
@@ -497,12 +502,12 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
             f"{' '.join(as_traces[:2])}"
         )
     if as_traces:
-        shown = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
+        text = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
         several = [*dict.fromkeys((*as_traces, *traces))]
         more = " ..." if len(several) > 2 else ""
         raise InputError(
             f"expected a specification, got the trace {as_traces[0]}; for several traces write "
-            f"{shorten(shown, 60)} -- {' '.join(several[:2])}{more}"
+            f"{shorten(text, 60)} -- {' '.join(several[:2])}{more}"
         )
     return specs, traces
 
@@ -523,7 +528,7 @@ def _may_be_trace(word: str) -> bool:
 
 
 def trace_paths(words: Sequence[str], *, as_files: bool = False) -> tuple[list[str], list[str]]:
-    """Return the paths of the traces, each once, and a text for each folder with other files.
+    """Return the unique paths of the traces, and a text for each folder with other files.
 
     A word is the path of a file, a folder or a pattern. A folder with a format of its own counts
     as one file, unless it holds several traces and ``as_files`` is set.
@@ -580,7 +585,7 @@ def _files(
 
 
 def _ignored_text(folder: str, others: Sequence[Path]) -> list[str]:
-    """Return a text about files and folders in a folder that are not read, if there are any."""
+    """Return a text about unread files and folders in a folder; an empty list without any."""
     names = [entry.name + "/" * entry.is_dir() for entry in others if entry.name[0] != "."]
     if not names:
         return []

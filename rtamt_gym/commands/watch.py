@@ -42,7 +42,7 @@ _COLUMNS: Final = (
     *("--signal", "--time", "--time-unit", "--date-order", "--one-trace", "--separator", "--skip"),
     *("--decimal", "--missing", "--default", "--no-defaults"),
 )
-"""The options of columns that a stream has; the others need a whole file."""
+"""The column options of streams; the others need the complete file."""
 
 
 _ABOUT: Final = {
@@ -55,11 +55,11 @@ _ABOUT: Final = {
     "--missing": "the meaning of an empty cell, or nan: raise, an error; hold, the value before; "
     "drop, its row is left out; unknown, an unknown value (default: raise)",
 }
-"""The help of options that have another meaning in a stream."""
+"""The help of options with another meaning in a stream."""
 
 
-class _Some:
-    """A group of arguments that takes only the options of a stream."""
+class _StreamArguments:
+    """A group of arguments that accepts only the options of streams."""
 
     def __init__(self, group: argparse._ArgumentGroup) -> None:
         self._group = group
@@ -164,8 +164,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             usual="at the end of the stream",
         ),
     )
-    some: Any = _Some(parser.add_argument_group("columns"))
-    add_columns(some)
+    group: Any = _StreamArguments(parser.add_argument_group("columns"))
+    add_columns(group)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -215,7 +215,7 @@ def run(options: argparse.Namespace) -> int:
 def _judge(
     watch: StreamWatch, blocks: Iterator[bytes], output: _Output, interrupts: _Interrupts
 ) -> int | None:
-    """Judge the blocks and end the traces; return an exit code that is not of the verdicts."""
+    """Judge the blocks and end the traces; return the exit code of an interrupt, or None."""
     try:
         while not (watch.stopped or output.closed):
             with interrupts.allowed():
@@ -252,7 +252,7 @@ def _replayed(
     from rtamt_gym.watching.replay import paced
 
     if options.source == "-" or options.source.startswith(("tcp:", "unix:")) or options.follow:
-        raise InputError("--speed replays a file, and not a stream that comes by itself")
+        raise InputError("--speed replays a file; expected the path of a file, without --follow")
     if not 0 < options.speed < math.inf:
         raise InputError(f"--speed: expected a factor above 0, such as 10, got {options.speed:g}")
 
@@ -260,8 +260,8 @@ def _replayed(
         at = watch.seconds()
         if at is None and any(trace.samples for trace in watch.traces.values()):
             raise InputError(
-                "--speed replays rows by their times, but they have none. Give --period TIME, the "
-                "time between two rows, or leave out --speed."
+                "--speed replays rows by their times, but there is no column of times. Give "
+                "--period TIME, the time between two rows, or leave out --speed."
             )
         return at
 
@@ -270,16 +270,16 @@ def _replayed(
 
 def _check_order(spec: str, source: str) -> None:
     """Refuse a stream before its specification, and a second specification."""
-    for_sure = spec == "-" or spec.startswith(("tcp:", "unix:")) or is_trace(spec)
+    is_stream = spec == "-" or spec.startswith(("tcp:", "unix:")) or is_trace(spec)
     is_spec = source.endswith(".stl") or not names_file(source)
-    if source.startswith(("tcp:", "unix:")) or not (for_sure or is_spec):
+    if source.startswith(("tcp:", "unix:")) or not (is_stream or is_spec):
         return
-    if is_spec and (for_sure or (Path(spec).exists() and not spec.endswith(".stl"))):
+    if is_spec and (is_stream or (Path(spec).exists() and not spec.endswith(".stl"))):
         raise InputError(
             f"expected a specification first, got the stream {shorten(spec, 60)}; write "
             f"rtamt watch {shlex.quote(shorten(source, 60))} {shlex.quote(spec)}"
         )
-    if for_sure:
+    if is_stream:
         raise InputError(
             f"expected a specification first, got the stream {shorten(spec, 60)}; write "
             f"rtamt watch SPEC {shlex.quote(spec)}"
@@ -346,7 +346,7 @@ class _Output:
         self.view: StreamView | None = None
 
     def add(self, line: Line) -> None:
-        """Take in a line."""
+        """Write a line, and pass it to the views."""
         if self.screen is not None:
             self.screen.add(line)
         if self.view is not None:
@@ -357,7 +357,7 @@ class _Output:
                 self.flush()
 
     def look(self, watch: StreamWatch) -> None:
-        """Write all lines and draw what is new."""
+        """Write all lines and update the screen."""
         self.flush()
         if self.screen is not None:
             self.screen.update(watch.newest(), watch.rows, watch.bad)
@@ -369,7 +369,7 @@ class _Output:
             self.screen.end(text)
 
     def flush(self) -> None:
-        """Write all lines; waits for a slow reader."""
+        """Write all lines, and wait for a slow reader."""
         if self._texts:
             texts, self._texts = self._texts, []
             sys.stdout.write("\n".join(texts) + "\n")
@@ -385,24 +385,24 @@ _BEAT: Final = 0.2
 """Seconds after which the screen is drawn again if no row comes."""
 
 _MANY: Final = 10_000
-"""Lines that are written before the block ends."""
+"""The number of lines at which they are written before the block ends."""
 
 
 class _Interrupts:
-    """Ctrl-C, which ends the wait for input at once, and any other work after the block."""
+    """The handler of Ctrl-C: it ends a wait for input at once, and other work after the block."""
 
     def __init__(self) -> None:
         self._waiting = self._pending = False
 
     def handle(self, *_: object) -> None:
-        """Take in a signal."""
+        """Handle a signal."""
         if self._waiting:
             raise KeyboardInterrupt
         self._pending = True
 
     @contextmanager
     def allowed(self) -> Iterator[None]:
-        """Raise KeyboardInterrupt in this context after Ctrl-C, also for one that came before."""
+        """Raise KeyboardInterrupt in this context, also for an earlier Ctrl-C."""
         self._waiting = True
         try:
             if self._pending:

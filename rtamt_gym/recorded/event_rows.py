@@ -145,7 +145,7 @@ def _empty_cells(name: str, values: Floats) -> list[str]:
 
 
 def _empty_note(empty: Sequence[str]) -> str:
-    return f"empty cells are no events: the value before holds ({', '.join(empty)})"
+    return f"empty cells are not events: the value before holds ({', '.join(empty)})"
 
 
 def _events(
@@ -164,7 +164,7 @@ def _events(
         at, values = signals.get(name, (times[:0], times[:0]))
         start = columns.starts.get(name)
         if start is not None and not (len(at) and at[0] <= begin):
-            why = "no event is there"
+            why = "it has no event"
             if len(at):
                 why = f"its first event comes at {number(float(at[0]))} s"
                 at, values = np.append(begin, at), np.append(start, values)

@@ -17,7 +17,7 @@ from rtamt_gym.recorded.times import TimeAxis, in_seconds
 from rtamt_gym.recorded.trace import Trace
 
 _DRIFT = 0.01
-"""The part by which a step may differ from the period, however far a slow clock drifts."""
+"""The maximum difference of a step from the period, as a part of it, for clocks that drift."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class ClockRules:
         source: The name of the stream, for messages.
         column: The column of times.
         columns: How columns are read.
-        unit: The unit of times of two columns; else empty.
+        unit: The unit of times of two columns; empty for one column.
     """
 
     source: str
@@ -116,7 +116,7 @@ class StreamClock:
         Args:
             source: The name of the stream, for messages.
             lines: The lines of the rows.
-            timed: Whether a formula has time bounds, so that times cannot be left aside.
+            timed: Whether a formula has time bounds, so that times are needed.
         """
         trace = Trace(source, {}, 2, self._axis, lambda row: f"{source}, line {lines[row]}")
         period = trace.period(timed=timed)
@@ -132,7 +132,7 @@ def on_grid(
     Args:
         since: Their times since the first row.
         last: The time of the row before.
-        sample: The number of the first of them.
+        sample: The number of the first row.
         period: The period in seconds.
         precision: By how much a time may be off.
     """

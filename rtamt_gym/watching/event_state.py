@@ -16,9 +16,9 @@ from rtamt_gym.watching.states import RowValues, StreamRules
 class EventState:
     """A requirement on the events of one trace.
 
-    If its variables start at different times, it is judged from the time on at which all have
-    values, and from the first of these times on with the others unknown; the worse verdict counts,
-    as in a file.
+    If its variables start at different times, two traces are judged: one from the first value, with
+    unknown values of the other variables, and one from the time when all variables have values. The
+    worse verdict counts, as in a file.
 
     Args:
         rules: How traces are judged.
@@ -49,11 +49,11 @@ class EventState:
             self._instants = rtamt.dense.Monitor(spec, semantics=options.semantics)
 
     def update(self, time: float, row: RowValues, known: Sequence[bool]) -> None:
-        """Take in the values from a time on, of the variables that are known."""
-        there = [known[place] for place in self._places.values()]
-        if not any(there):
+        """Update the monitors with the values of the known variables from a time on."""
+        present = [known[place] for place in self._places.values()]
+        if not any(present):
             return
-        if not all(there) and self._before is None:
+        if not all(present) and self._before is None:
             keywords = {**self._keywords, "nan": "unknown"}
             self._before = rtamt.dense.EpisodeMonitor(self._spec, **keywords)
             self.begin = time
@@ -63,7 +63,7 @@ class EventState:
         }
         if self._before is not None:
             self._before.update(events)
-        if all(there):
+        if all(present):
             if not self._started and self._before is None:
                 self.begin = time
             self._started = True
@@ -90,7 +90,7 @@ class EventState:
         counted = self._counted
         verdict = counted.verdict
         if not self._started and verdict is not Verdict.VIOLATED:
-            verdict = Verdict.UNDECIDED  # the trace from the time on at which all are known
+            verdict = Verdict.UNDECIDED  # the trace with all values has not started
         if verdict is self.verdict or self.verdict:
             return False
         self.verdict = verdict

@@ -26,7 +26,7 @@ from rtamt_gym.watching.states import RowValues, StreamRules
 from rtamt_gym.watching.values import without_place
 
 _FIRST = 512
-"""The times from which the unit of times is doubted."""
+"""The number of times that are checked for a plausible unit."""
 
 _SURE = 64
 """The times up to which each shows whether all are seconds; after it, each power of two does."""
@@ -72,7 +72,7 @@ class EventGroup:
         self._missing = Counter[str]()
         """The number of empty cells of each variable."""
         self._late: list[str] = []
-        """The variables that have had their default so far, because no event came."""
+        """The variables that still have their default, because no event came."""
         self.samples = 0
         self.stopped = False
         self.stop_line = 0
@@ -166,7 +166,7 @@ class EventGroup:
             raise RowFault(0, without_place(error)) from None
 
     def _forget_values(self, time: float, width: int) -> None:
-        """Take values for unknown between the last row and a time, after a bad line."""
+        """Count values as unknown between the last row and a time, after a bad line."""
         after = max(self._judged + _TICK, math.nextafter(self._judged, math.inf))
         if after < time:
             unknown = [math.nan] * width
@@ -208,7 +208,7 @@ class EventGroup:
             self._pending[place] = value
 
     def _flush(self) -> None:
-        """Judge the values at the time of the last row, all of which have come."""
+        """Judge the values at the time of the last row, which is complete."""
         if self._fed or self._raw is None:
             return
         for place, value in enumerate(self._pending):
@@ -323,7 +323,7 @@ class EventGroup:
         if self._gap:
             end = "open"
         for name in self._late:
-            self._rules.notes.add_default(self._default_note(name, "no event is there"))
+            self._rules.notes.add_default(self._default_note(name, "it has no event"))
         if self._clock is not None and len(self._first) > 1:
             try:
                 self._clock_rules.axis(self._first, [0] * len(self._first))
@@ -359,6 +359,6 @@ class EventGroup:
         return None if self._raw is None else self._time
 
     def extent(self) -> Extent:
-        """Return how much of the trace has come."""
+        """Return the extent of the trace so far."""
         start = max(state.begin for state in self._states)
         return Extent(None, self.samples, None, start, self._judged, 1.0)

@@ -13,10 +13,10 @@ from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import VerdictWarning, bare_variable_warnings, evidence_warnings
 
 _MOST: Final = 1_000_000
-"""The most rows of all traces whose triggers are counted; they stay in memory until their end."""
+"""The maximum number of rows of all traces that are kept to count triggers."""
 
 _TRACE: Final = 1000
-"""The rows for which a trace counts at least."""
+"""The minimum number of rows that a trace counts."""
 
 JudgeTrace = Callable[[str, rtamt.Specification], rtamt.Judgement]
 """Judges a requirement on the rows of a trace."""
@@ -43,11 +43,11 @@ class StreamEvidence:
         self._trials: list[Trial] = []
 
     def begin(self) -> None:
-        """Take in a new trace."""
+        """Count a new trace."""
         self.add(_TRACE)
 
     def add(self, rows: int) -> bool:
-        """Take in rows; return whether the trace keeps them."""
+        """Count rows; return whether the trace must keep them."""
         self._left -= rows
         if self._left < 0:
             self.counted = []
@@ -57,7 +57,7 @@ class StreamEvidence:
         """Count the triggers of a trace at its end.
 
         Args:
-            judge: Judges a requirement, called by its name, on the trace.
+            judge: Judges a requirement of this name on the trace.
         """
         cells: dict[str, Outcome | Failure] = {}
         for name in self.counted:

@@ -1,4 +1,4 @@
-"""Groups of a stream that end because no row came for some time of the stream."""
+"""Groups of a stream that end after a time without rows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rtamt_gym.tables import counted
 from rtamt_gym.watching.rows import RowFault
 
 _ENDED: Final = 10_000_000
-"""The most groups that have ended, whose names are remembered."""
+"""The maximum number of ended groups that are stored by name."""
 
 
 _ROUNDED: Final = 1e-10
@@ -21,7 +21,7 @@ _ROUNDED: Final = 1e-10
 
 
 class IdleGroups:
-    """The last time of each group, and the names of those that have ended.
+    """The last time of each group, and the names of ended groups.
 
     Args:
         idle: Seconds after which a group ends.
@@ -54,10 +54,10 @@ class IdleGroups:
         """Check that a group has not ended.
 
         Raises:
-            RowFault: If it has, at this row.
+            RowFault: At this row, if the group has ended.
         """
         if group in self._ended:
-            raise RowFault(row, f"group {shown(group)!r} has ended by --group-idle before")
+            raise RowFault(row, f"group {shown(group)!r} has already ended by --group-idle")
 
     def add_late(self, group: str) -> None:
         """Note that a row of a group that has ended was left out."""
@@ -68,7 +68,7 @@ class IdleGroups:
         if not self._late:
             return ""
         (first, rows), groups = next(iter(self._late.items())), len(self._late)
-        more = f", and {counted(groups - 1, 'more group')} so" if groups > 1 else ""
+        more = f" (and {counted(groups - 1, 'more group')})" if groups > 1 else ""
         return (
             f"group {shown(first)!r} got {counted(rows, 'row')} after --group-idle had ended "
             f"it{more}: these rows were left out. Give a longer --group-idle to evaluate them."
@@ -82,7 +82,7 @@ class IdleGroups:
         self._last[group] = time if last is None else max(last, time)
 
     def ended_at(self, time: float) -> Iterator[str]:
-        """Yield the groups that end because a row has this time."""
+        """Yield the groups that end at the time of a row."""
         self._newest = max(self._newest, time)
         while self._queue and self._newest - self._queue[0][0] > self._idle:
             _, group = heapq.heappop(self._queue)

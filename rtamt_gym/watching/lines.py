@@ -1,4 +1,4 @@
-"""What a stream shows of a requirement at one time, and its line of JSON."""
+"""The state of a requirement of a stream at one time, and its line of JSON."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Line(NamedTuple):
         robustness: The robustness if the trace ended here; nan before it has one.
         lower: The minimum robustness over all continuations.
         upper: The maximum robustness over all continuations.
-        end: How the end counts: ``"open"`` while the input comes.
-        decided_at: The time of the sample that decided; its number without times; None.
-        reason: The values, or the end, that decided; empty.
+        end: The end mode; ``"open"`` before the end of the input.
+        decided_at: The time of the decisive sample, or its number without times; None if undecided.
+        reason: The decisive values or end; empty if undecided.
         final: Whether the trace has ended.
         instants: The numbers of instants by verdict, in a final line of ``--view step``.
         missing: The number of empty cells of each variable, in a final line; None without any.

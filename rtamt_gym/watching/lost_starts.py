@@ -1,4 +1,4 @@
-"""Groups of a stream whose first rows were bad lines, so that their start is not known."""
+"""Groups of a stream without a known start, because their first rows were bad lines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class LostStarts:
     """Bad lines that came before the first good row of their group.
 
     Args:
-        most: The most groups that are remembered by name.
+        most: The maximum number of groups that are stored by name.
 
     Example:
         >>> lost = LostStarts(most=10)
@@ -28,7 +28,7 @@ class LostStarts:
         self._doubtful = 0
 
     def add(self, group: str | None, message: str) -> None:
-        """Note a bad line of a group that has not started; None if nobody knows its group."""
+        """Note a bad line of a group that has not started; None if its group is not known."""
         if group is not None and len(self._bad) < self._most:
             self._bad.setdefault(group, message)
         else:
@@ -53,7 +53,7 @@ class LostStarts:
             )
 
     def count_start(self, group: str) -> None:
-        """Note that a group has started, whose first row may have been bad."""
+        """Note that a group has started; a bad line may have been its first row."""
         if self._unknown:
             self._doubtful += 1
             self._first = self._first or f"{shown(group)!r} after {self._unknown}"
@@ -72,10 +72,10 @@ class LostStarts:
         return [f"{source}: {group}. Correct the line, or remove the group."]
 
     def notes(self) -> list[str]:
-        """Return a sentence on groups whose first row may be lost; an empty list without one."""
+        """Return a sentence on groups that may lack their first row; an empty list without any."""
         if not self._doubtful:
             return []
         groups = counted(self._doubtful, "group")
-        verb, whose = ("starts", "its") if self._doubtful == 1 else ("start", "their")
-        lost = f"a bad line that may have been {whose} first row"
+        verb, pronoun = ("starts", "its") if self._doubtful == 1 else ("start", "their")
+        lost = f"a bad line that may have been {pronoun} first row"
         return [f"{groups} {verb} after {lost}, the first: {self._first}"]

@@ -1,4 +1,4 @@
-"""Notes on how the rows of a stream were read, in the words that files have."""
+"""Notes on how the rows of a stream were read, with the same texts as for files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class StreamNotes:
 
     Attributes:
         held: The number of empty cells of each variable that hold the value before.
-        no_events: The number of empty cells of each variable that are no events.
+        no_events: The number of empty cells of each variable that do not count as events.
         dropped: The number of rows with an empty cell that were left out.
     """
 
@@ -51,15 +51,15 @@ class StreamNotes:
         self._first.setdefault(name, f"{number(time)} s")
 
     def add_default(self, text: str) -> None:
-        """Take in the note on a variable that has its default; equal notes are one."""
+        """Add the note on a variable with its default value; equal notes are printed once."""
         self._defaults[text] = None
 
     def add_unit(self, text: str) -> None:
-        """Take in the note on the unit of a trace; the first of several is shown."""
+        """Add the note on the unit of a trace; only the first is printed."""
         self._unit = self._unit or text
 
     def add_period(self, text: str, group: str | None) -> None:
-        """Take in the note on times next to a stated period; the first of several is shown."""
+        """Add the note on times that a stated period ignores; only the first is printed."""
         if text:
             self._periods += 1
             place = "" if group is None else f"group {shown(group)!r}: "
@@ -77,7 +77,7 @@ class StreamNotes:
             texts.append(f"empty cells hold the value before ({counts})")
         if self.no_events:
             counts = ", ".join(f"{name}: {count}" for name, count in self.no_events.items())
-            texts.append(f"empty cells are no events: the value before holds ({counts})")
+            texts.append(f"empty cells are not events: the value before holds ({counts})")
         texts += self._defaults
         if self.dropped:
             rows = f"{self.dropped} row{'s' * (self.dropped > 1)}"

@@ -26,11 +26,11 @@ from rtamt_gym.watching.clock import plain_times
 from rtamt_gym.watching.rows import ColumnCells, RowFault, cell_text
 
 _KEYS: Final = 10_000
-"""Different values of a column after which it does not tell objects: it counts rows."""
+"""The number of different values from which on a column counts rows, not objects."""
 
 
 _MOST: Final = 1_000_000
-"""The most values of a column of numbers of rows that are kept."""
+"""The maximum number of stored values of a column of row numbers."""
 
 _FEW, _FALLS = 64, 32
 """The rows after which, and the falls up to which, numbers of rows are checked again at once."""
@@ -240,7 +240,7 @@ def _several_values(row: int, name: str, value: str) -> RowFault:
 
 
 class ObjectGuard:
-    """Notices that a column tells several objects or episodes by its name.
+    """Notices that a column names several objects or episodes.
 
     Args:
         name: The column.

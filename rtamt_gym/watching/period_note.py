@@ -1,4 +1,4 @@
-"""The note on times that a stated period leaves aside."""
+"""The note on times that a stated period ignores."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.stated_period import AsideTimes
 
 _MOST: Final = 10_000
-"""The most different distances that are counted; others do not count for the median."""
+"""The maximum number of different distances for the median."""
 
 
 class StepCounter:
@@ -37,11 +37,11 @@ class StepCounter:
         self._smallest, self._largest = np.inf, -np.inf
 
     def lose(self) -> None:
-        """Note that a row is missing, so that the next distance is of two steps."""
+        """Note that a row is missing, so the next distance spans two steps."""
         self._lost += 1
 
     def add(self, since: Floats, lines: Sequence[int]) -> None:
-        """Take in the times of rows.
+        """Add the times of rows.
 
         Args:
             since: Seconds since the first row, shape (rows,).

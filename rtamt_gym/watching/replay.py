@@ -1,4 +1,4 @@
-"""A recording that is replayed as a stream, at the pace of its times."""
+"""A replay of a recording as a stream, at the speed of its times."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def paced(
 
     Args:
         blocks: The bytes of the recording.
-        seconds: Returns the time of the last row that was taken in; None before there is one.
+        seconds: Returns the time of the last judged row; None before the first.
         speed: Seconds of the recording in a second.
         clock: Returns the time in seconds.
         pause: Waits for some seconds.

@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 from rtamt import InputError
 
 _LINE: Final = 1 << 26
-"""The most bytes of a line."""
+"""The maximum number of bytes of a line."""
 
 ColumnCells = Sequence[Any]
 """The cells of a column: texts, or values of JSON."""
@@ -55,14 +55,14 @@ class RowReader(Protocol):
     """The names of the columns; empty until they are known."""
 
     def rows(self, lines: list[bytes], first: int) -> Iterator[RowBlock | BadLine]:
-        """Yield the rows in lines, of which the first has a number."""
+        """Yield the rows in lines; ``first`` is the number of the first line."""
 
     def choose(self, names: Sequence[str]) -> None:
         """Set the columns of all further blocks; until then they have all columns."""
 
 
 class Lines:
-    """Divides blocks of bytes into lines, whatever the blocks are."""
+    """Divides blocks of bytes of any size into lines."""
 
     def __init__(self, source: str) -> None:
         self._source, self._rest, self._scanned = source, bytearray(), 0

@@ -31,7 +31,7 @@ from rtamt_gym.watching.states import RowValues, SampledState, StreamRules
 from rtamt_gym.watching.values import without_place
 
 _UNKNOWN = 1_000_000
-"""The most instants that bad lines may leave out in a row."""
+"""The maximum number of successive samples that bad lines may leave out."""
 
 
 class SampledGroup:
@@ -63,7 +63,7 @@ class SampledGroup:
         self._states: list[SampledState] = []
         self._first: tuple[RowValues, RawTimes, int] | None = None
         self._two: RawTimes = np.zeros(0)
-        """The first two times, which give the period."""
+        """The first two times, which set the period."""
         self._held: RowValues | None = None
         self._last_raw: RawTimes | None = None
         self._last_row: RowValues = ()
@@ -103,7 +103,7 @@ class SampledGroup:
             lines: The lines of the rows.
 
         Raises:
-            RowFault: At a row that cannot be judged; all rows before it are.
+            RowFault: At a row that cannot be judged, after all rows before it were judged.
         """
         fault = None
         if raw is not None and self._columns.missing == "drop" and not self._stated:
@@ -247,7 +247,7 @@ class SampledGroup:
                 raise
 
     def _odd_row(self, row: RowValues, raw: RawTimes, since: float, at: int, line: int) -> None:
-        """Take in a row that is not the next sample: the same instant, or after a gap."""
+        """Judge a row off the grid: at the time of the row before, or after a gap."""
         assert self._last_raw is not None, "a row came before"  # noqa: S101 - for mypy
         self._check_back(self._last_raw, raw, at)
         period = float(self._period or 1)
@@ -280,7 +280,7 @@ class SampledGroup:
             )
 
     def _check_same(self, before: RowValues, row: RowValues, at: int) -> None:
-        """Accept a row at the time of the one before it if it has the same values."""
+        """Accept a row with the time of the row before it if both have the same values."""
         for name, old, new in zip(self._rules.variables, before, row, strict=True):
             if old != new and not (math.isnan(old) and math.isnan(new)):
                 raise RowFault(
@@ -542,7 +542,7 @@ class SampledGroup:
             self._rules.notes.add_period(note, self.group)
 
     def _open_line(self, name: str) -> Line:
-        """Return the final line of a trace of one row, whose period is not known."""
+        """Return the final line of a trace of one row, which does not have a period."""
         infinite = -math.inf, math.inf
         return Line(
             *(name, self.group, self._start_time, 0, Verdict.UNDECIDED, math.nan, *infinite),
@@ -567,7 +567,7 @@ class SampledGroup:
         return self._time(self.samples - 1) if self.samples else None
 
     def extent(self) -> Extent:
-        """Return how much of the trace has come."""
+        """Return the extent of the trace so far."""
         if self._period is None:
             return Extent(self.samples)
         start, end = self._time(0), self._time(self.samples - 1)

@@ -28,12 +28,12 @@ class WatchOptions:
         columns: How columns are read.
         format: How lines hold rows; None to recognise it by the first byte.
         by: The columns that name groups; without one, all rows are one trace.
-        max_groups: The most groups at one time.
+        max_groups: The maximum number of groups at one time.
         group_idle: Seconds of trace time after which a group has ended; None: never.
         every: Whether every sample has lines.
         stop: When the stream stops.
         skip_bad: Whether bad lines are left out.
-        min_duration: Seconds that each trace is to last; None: any time.
+        min_duration: Minimum length of each trace in seconds; None for any length.
         live: Whether the input may end in the middle of a line, as a socket or a growing file.
     """
 
@@ -62,8 +62,8 @@ class WatchOptions:
             raise InputError("--group-idle ends groups, which --by COLUMN makes")
         if self.by and self.skip_bad and stated:
             raise InputError(
-                "expected --skip-bad without --by and --period: nobody knows whose sample a bad "
-                "line was. Leave out --period to see it by the times."
+                "expected --skip-bad without --by and --period: the group of a bad line is not "
+                "known. Leave out --period, so that the times show the gap."
             )
         unknown = self.skip_bad or self.columns.missing == "unknown"
         bounded = [name for name, spec in self.specs.items() if spec.horizon < math.inf]

@@ -192,7 +192,7 @@ class SampledState:
             self._pick_tail = rules.picker(spec.variables)
 
     def updates(self, values: Floats) -> Iterator[float]:
-        """Yield the robustness after each sample, of which the next call takes one more."""
+        """Yield the robustness after each sample; a sample is used when it is requested."""
         if not self._places:
             return (self.update() for _ in range(len(values)))
         return map(self.update, *(values[:, position].tolist() for position in self._places))
@@ -244,7 +244,7 @@ class SampledState:
 
         Args:
             samples: The number of samples.
-            end: The end mode, which may decide the instants whose windows reach past the end.
+            end: The end mode, which may decide instants with windows past the end.
         """
         if self._tail is None:
             return None

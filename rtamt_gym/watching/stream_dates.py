@@ -10,18 +10,18 @@ from rtamt_gym.recorded.dates import DateOrder, read_dates
 from rtamt_gym.watching.rows import ColumnCells, RowFault
 
 _NO_ORDER: Final = re.compile(r"\d{1,2}([/-])\d{1,2}\1\d{4}", re.ASCII)
-"""The begin of a date that may have the day or the month first."""
+"""The start of a date with the day or the month first."""
 
 
 class StreamDates:
     """The first date of a stream, and the order of day and month that the rows so far show.
 
-    A file is read with all its rows. A stream refuses the first row whose distance to the first
-    date depends on the order, however many rows come at once.
+    All rows of a file can decide the order. A stream refuses the first row if its distance to the
+    first date depends on the order, regardless of the number of rows that arrive together.
 
     Attributes:
         first: The first cell of times, and its day if it is a time of day; None before it.
-        dated: Whether it is a date, a time of day or a duration, and not a number.
+        dated: Whether it is a date, a time of day or a duration, not a number.
 
     Example:
         >>> StreamDates().order("time", ["13/04/2024", "01/05/2024"], None)
@@ -69,7 +69,7 @@ class StreamDates:
         Args:
             column: The column of times, for messages.
             cells: Its cells in a block.
-            days: The dates of times of day; None if there are none.
+            days: The dates of times of day; None for other times.
 
         Raises:
             RowFault: At the first row in which the order matters and is not certain.
@@ -85,18 +85,18 @@ class StreamDates:
         return self._order
 
     def _take(self, column: str, row: int, text: str) -> None:
-        """Take in the day of a row."""
+        """Compare the day of a row with the first day."""
         date = _NO_ORDER.match(text)
         day = text if date is None else date[0]
         begin = self._begin or day
         orders: tuple[DateOrder, DateOrder] = ("dmy", "mdy")
         readings = {order: read_dates([begin, day], order) for order in orders}
-        known = {order: dates for order, dates in readings.items() if dates is not None}
+        possible = {order: dates for order, dates in readings.items() if dates is not None}
         self._begin = begin
-        if len(known) == 1:
-            (self._order,) = known
+        if len(possible) == 1:
+            (self._order,) = possible
             self._sure = True
-        elif len({int((dates[1] - dates[0]).astype(int)) for dates in known.values()}) > 1:
+        elif len({int((dates[1] - dates[0]).astype(int)) for dates in possible.values()}) > 1:
             raise RowFault(
                 row,
                 f"column '{column}': the date {day!r} may have the day or the month first; give "

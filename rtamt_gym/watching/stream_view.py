@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rtamt_gym.live.view import RerunView
 
 SHOWN_GROUPS: Final = 100
-"""The most groups that a view shows."""
+"""The maximum number of groups in a view."""
 
 
 class StreamView:
@@ -82,11 +82,11 @@ class StreamView:
 
     def _track(self, group: str | None) -> Track | None:
         if group not in self._tracks:
-            shown = len(self._tracks) < SHOWN_GROUPS
-            self.hidden |= not shown
+            visible = len(self._tracks) < SHOWN_GROUPS
+            self.hidden |= not visible
             self._tracks[group] = (
                 self._view.track(self._variables, self._requirements, None, group or "")
-                if shown
+                if visible
                 else None
             )
         return self._tracks[group]

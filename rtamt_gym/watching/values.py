@@ -62,7 +62,7 @@ class Numbered(NamedTuple):
 
 
 class _Guarded(NamedTuple):
-    """A column that may tell several traces, as `guards_of` takes it."""
+    """A column that may show several traces, as `guards_of` takes it."""
 
     texts: bool
     timed: bool
@@ -235,7 +235,7 @@ class StreamColumns:
                     "is another signal."
                 )
             if fault:
-                absent = f"'{column}' is not in the first line, so that its variable has its "
+                absent = f"'{column}' is not in the first line, so its variable has its "
                 return f"got '{name}', but {absent}default. {fault}", False
         near = misspellings(columns, self.there, [name])
         self._near |= dict.fromkeys(near, False)
@@ -260,7 +260,7 @@ class StreamColumns:
         return notes + [stated_mark_note(name, cell, mark) for name, cell in cells.items() if cell]
 
     def _look_for_marks(self, block: RowBlock) -> None:
-        """Take in the evidence that a stated mark stands between groups of digits."""
+        """Look for evidence that a stated mark separates groups of digits."""
         for name, marks in [*self._marks.items()]:
             cells = [cell for cell in block.columns[name] if isinstance(cell, str)]
             marks.add(TextCells(cells), 0, brief=True)
@@ -339,7 +339,7 @@ class StreamColumns:
         return ""
 
     def group_of_totals(self, group: str) -> str:
-        """Return the fault of a last row, alone in its group, whose name is of a row of totals."""
+        """Return the fault of a last row, alone in a group with the name of a row of totals."""
         parts = [part.rpartition("=")[2] for part in group.split(",")]
         if self._columns.one_trace or not any(map(names_totals, parts)):
             return ""
@@ -404,7 +404,7 @@ class StreamColumns:
         return numbered
 
     def _check_spelling(self, block: RowBlock, read: Mapping[str, Floats]) -> None:
-        """Check that a row without a value of a variable has none under a misspelt name."""
+        """Check that a row without a value of a variable does not have it under a misspelt name."""
         for (column, name), both in self._near.items():
             if both or name not in block.columns:
                 continue
@@ -480,7 +480,7 @@ class StreamColumns:
         return read.values
 
     def _mixed(self, cells: ColumnCells, mark: str, *, gaps: bool, nan: bool) -> Floats | None:
-        """Return the numbers in values of JSON, of which some are null, truth values or texts."""
+        """Return the numbers in values of JSON, which may be null, truth values or texts."""
         values = np.empty(len(cells))
         for row, cell in enumerate(cells):
             if cell is None:
@@ -553,7 +553,7 @@ def _raw_times(
     """Return times of texts or of numbers of JSON."""
     kinds = set(map(type, cells))
     if kinds == {str}:
-        # ColumnCells without a point may be integers of 64 bits.
+        # Cells without a point may be integers of 64 bits.
         points = days is None and mark == "." and all("." in cell for cell in cells)
         if points and (read := read_floats(cells)) is not None:
             return np.array(read)

@@ -43,7 +43,7 @@ Group = SampledGroup | EventGroup
 
 @contextmanager
 def few_collections() -> Iterator[None]:
-    """Let Python search for unused cycles seldom: rows are many objects, and none is in a cycle."""
+    """Collect garbage rarely: rows are many objects without cycles."""
     before = gc.get_threshold()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
@@ -55,16 +55,16 @@ def few_collections() -> Iterator[None]:
 
 
 class StreamWatch:
-    r"""A judge of a stream that comes in blocks of bytes, whatever the blocks are.
+    r"""A judge of a stream that arrives in blocks of bytes of any size.
 
     Args:
         options: How the stream is read and judged.
         source: The name of the stream, for messages.
-        emit: Takes each line.
+        emit: Receives each line.
 
     Attributes:
         stopped: Whether ``--stop`` has ended the stream.
-        notes: What was read otherwise than it is written.
+        notes: Notes on cells and columns that were not read literally.
         bad: The number of bad lines that were left out.
 
     Example:
@@ -121,7 +121,7 @@ class StreamWatch:
 
     @property
     def notes(self) -> list[str]:
-        """What was read otherwise than it is written."""
+        """Notes on cells and columns that were not read literally."""
         return self._cells.notes
 
     def add(self, block: bytes) -> None:
@@ -149,7 +149,7 @@ class StreamWatch:
                 return
 
     def _reader_for(self, lines: Sequence[bytes]) -> TextRows | JsonRows | None:
-        """Return the reader for the first line; None if there is no line."""
+        """Return the reader for the first line; None without a line."""
         if not lines:
             return None
         wanted = self._options.format
@@ -169,8 +169,8 @@ class StreamWatch:
             raise InputError(f"{message} (--skip-bad needs a good first row)")
         if self._options.by and self._cells.time is None:
             raise InputError(
-                f"{message} (--skip-bad with --by needs a column of times, by which the groups "
-                "that miss a row are known)"
+                f"{message} (--skip-bad with --by needs a column of times, which shows the groups "
+                "that miss a row)"
             )
         self.bad += 1
         self._first_bad = self._first_bad or message
@@ -252,7 +252,7 @@ class StreamWatch:
         return fault
 
     def _note_stop(self, trace: Group, lines: Sequence[int]) -> None:
-        """Note whether a trace has stopped the stream, and how many of its rows lie beyond."""
+        """Note whether a trace has stopped the stream, and the number of rows after the stop."""
         self.stopped = trace.stopped
         if trace.stopped:
             self._stop_line = trace.stop_line
@@ -261,7 +261,7 @@ class StreamWatch:
     def _one_trace(
         self, group: str | None, block: RowBlock, times: RawTimes | None, begin: int, end: int
     ) -> tuple[int, RowFault | None]:
-        """Check that rows belong to one trace; return the end of those that do, and the fault."""
+        """Check that rows belong to one trace; return the end of its rows, and the fault."""
         if not self._cells.guarded:
             return end, None
         lines = block.lines
@@ -318,7 +318,7 @@ class StreamWatch:
             raise other
 
     def _seconds(self, numbered: Numbered, lines: Sequence[int]) -> list[float] | None:
-        """Return the times of rows on one clock, by which groups end; None if they do not."""
+        """Return the times of rows on one clock, for ``--group-idle``; None without it."""
         if self._options.group_idle is None or numbered.times is None or self._clock is None:
             return None
         try:
@@ -362,7 +362,7 @@ class StreamWatch:
 
     def _finish(self, trace: Group, end: End, *, early: bool = False) -> None:
         """End a trace and emit its final lines."""
-        # After an error or Ctrl-C, no exit code says that the verdicts can be relied on.
+        # After an error or Ctrl-C, the exit code already shows that verdicts are not reliable.
         fault = ""
         if self.stopped or not early:
             beyond = self._beyond if trace.stopped else 0
@@ -402,7 +402,7 @@ class StreamWatch:
         """Judge a last line without an end, and check that there were rows.
 
         Raises:
-            InputError: At a bad line, and if there was no row.
+            InputError: At a bad line, or without any row.
         """
         remaining = self._lines.finish()
         self._take(remaining)
@@ -459,7 +459,7 @@ class StreamWatch:
             yield from trace.newest()
 
     def exit_code(self) -> int:
-        """Return the exit code, as `rtamt monitor` has it for these verdicts."""
+        """Return the exit code, as `rtamt monitor` does for these verdicts."""
         return exit_code(self._words, self._own_warnings())
 
     def _own_warnings(self) -> list[VerdictWarning]:
@@ -468,7 +468,7 @@ class StreamWatch:
         return [*self._warnings, *(VerdictWarning(text, fails=True) for text in lost)]
 
     def messages(self) -> list[str]:
-        """Return what weakens the verdicts, in sentences to print."""
+        """Return the notes and warnings, in sentences to print."""
         warnings = [*self.rules.evidence.warnings(), *self._own_warnings()]
         texts = [warning.text for warning in warnings]
         if self.bad:
@@ -479,7 +479,7 @@ class StreamWatch:
         return [*self.notes, *self._cells.mark_notes(), *read, *texts]
 
     def _stop_text(self) -> str:
-        """Return a sentence on the rows on which the verdicts rest after ``--stop``."""
+        """Return a sentence on the rows that ``--stop`` left unread."""
         place = f"--stop {self._options.stop} ended the stream at line {self._stop_line}"
         if not self._options.by:
             return f"{place}: rows after it were not read"

@@ -112,7 +112,7 @@ def test_it_writes_a_specification_a_test_and_a_job_and_says_so(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["init", name]) == 0
-    told, _, begin = capsys.readouterr().out.partition("\n\nbegin with: ")
+    told, _, begin = capsys.readouterr().out.partition("\n\nstart with: ")
     written = set(contents(tmp_path))
     assert set(told.splitlines()) == written
     assert begin == f"{STARTERS[name].begin}\n"
@@ -127,7 +127,7 @@ def test_it_makes_the_folder_that_it_is_given(
     folder = tmp_path / "a b" / "gate"
     assert main(["init", "recordings", str(folder)]) == 0
     assert "recordings/monday.csv" in contents(folder)
-    assert f"\nbegin with: cd '{folder}' && rtamt monitor " in capsys.readouterr().out
+    assert f"\nstart with: cd '{folder}' && rtamt monitor " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("there", ["requirements.stl", ".github/workflows/requirements.yml"])

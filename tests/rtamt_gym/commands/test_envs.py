@@ -142,7 +142,7 @@ def test_numbers_of_every_kind_are_found_at_every_depth(capsys: Output) -> None:
         "info['row'][1]                       -             1\n"
         "info['row'][2]                       -             2\n"
         "\n"
-        '-: no value at reset; a signal gives one: --signal "u=action,VALUE"\n'
+        '-: no value at reset; set one with --signal "u=action,VALUE"\n'
         "\n"
         "3 more with --all\n"
     )

@@ -57,10 +57,10 @@ def test_saved_examples_are_judged_alike_by_monitor(
 def test_what_no_trace_satisfies_or_violates(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["examples", "always(x > 1 and x < 0)"]) == 1
     out = capsys.readouterr().out
-    assert "no trace satisfies it: rtamt check says more" in out
+    assert "no trace satisfies it: rtamt check shows why" in out
     assert main(["examples", "always[0:1](x > 1 implies x > 0)"]) == 1
     out = capsys.readouterr().out
-    assert "no trace violates it: rtamt check says more" in out
+    assert "no trace violates it: rtamt check shows why" in out
     assert "satisfied, robustness" in out
 
 
@@ -88,7 +88,7 @@ not known whether there is one: broken by y * y >= 0 alone (it is not linear
 not known whether there is one: y * y >= 0 just fails (it is not linear (mul))
 
 b: eventually[0:2] true
-no trace violates it: rtamt check says more
+no trace violates it: rtamt check shows why
 
 1 satisfied, robustness inf: a trace that satisfies it
   any 3 samples

@@ -50,14 +50,14 @@ def test_a_text_that_does_not_look_ahead_is_noted(capsys: Output) -> None:
     assert main(["export", "speed < 30", "-o", "m.fmu", "--period", "1"]) == 0
     assert capsys.readouterr().out == (
         "m.fmu: FMI 2.0, inputs 'speed'\n"
-        "note: the specification speaks of the first sample only, and so do robustness, lower, "
-        "upper and verdict; write always(speed < 30)\n"
+        "note: robustness, lower, upper and verdict depend on the first sample only. To monitor "
+        "the whole run, write always(speed < 30)\n"
     )
     assert main(["export", "speed < 30", "-o", "m.fmu", "--dense"]) == 0
     assert capsys.readouterr().out == (
         "m.fmu: FMI 2.0, inputs 'speed'\n"
-        "note: the specification speaks of the first instant only, and so do robustness, lower, "
-        "upper and verdict; write always(speed < 30)\n"
+        "note: robustness, lower, upper and verdict depend on the first instant only. To monitor "
+        "the whole run, write always(speed < 30)\n"
     )
 
 

@@ -129,7 +129,7 @@ def test_a_search_that_finds_nothing_leaves_the_case_that_was_found(capsys: Outp
     kept = Path("case.json").read_bytes()
     harmless = ["--vary", "height=2:2.1", "--vary", "limit=4.9:5", "--budget", "5"]
     printed = _printed(capsys, 0, "falsify", SYSTEM, *harmless, *SAVE)
-    assert "case: nothing was violated, case.json stays as it is" in printed
+    assert "case: no violation found, case.json is unchanged" in printed
     assert Path("case.json").read_bytes() == kept
 
 
@@ -159,7 +159,7 @@ MISTAKES = {
         "named_systems:pump has no requirements of its own; write 'always(x < 1)'"
     ),
     ("named_systems:pump", "a > 1", "--env-kwarg", "leak=1"): (
-        "--env-kwarg is for environments, got it for named_systems:pump; --set is for all"
+        "--env-kwarg: expected an environment, got named_systems:pump; use --set for other systems"
     ),
     ("named_systems:pump", "a > 1", "--policy", "zero"): (
         "--policy needs an environment, got named_systems:pump"

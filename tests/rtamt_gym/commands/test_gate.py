@@ -181,7 +181,7 @@ def test_formula_with_an_id_is_judged_though_another_uses_it(folder: Path, capsy
     (folder / "far.csv").write_text("time,v,w\n0,9,1\n1,9,1\n")
     assert main(["monitor", "spec.stl", "--", "far.csv", "runs/a.csv"]) == 1  # near is violated
     out = capsys.readouterr().out
-    assert "near is judged on its own, because it has the id R-1; 'slow' uses it too" in out
+    assert "near is evaluated on its own, because it has the id R-1; 'slow' uses it too" in out
     assert main(["monitor", "spec.stl", "far.csv", "--only", "slow"]) == 0
 
 

@@ -42,9 +42,9 @@ def test_runs_leave_out_signals_of_other_requirements(capsys: Output) -> None:
     out = capsys.readouterr().out
     assert "upright" in out
     assert "central" not in out
-    assert "read by no specification" not in out
+    assert "signals that no specification reads" not in out
     main([*words, "--only", "upright", "--signal", "lost=obs[1]"])
-    assert "read by no specification: 'lost'" in capsys.readouterr().out
+    assert "signals that no specification reads: 'lost'" in capsys.readouterr().out
 
 
 def test_evaluations(capsys: Output) -> None:

@@ -60,11 +60,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             "a.csv req.stl",
-            "expected a trace, got the specification req.stl; specifications stand first",
+            "expected a trace, got the specification req.stl; put specifications first",
         ),
         (
             "req.stl -- a.csv req.stl",
-            "expected a trace, got the specification req.stl; specifications stand first",
+            "expected a trace, got the specification req.stl; put specifications first",
         ),
         (
             "req.stl --",
@@ -102,7 +102,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             "req.stl -- a.csv out.json",
-            "expected a trace, got out.json; --json names no file: it writes to standard output",
+            "expected a trace, got out.json; --json takes no file, it writes to stdout",
         ),
         ("req.stl a.csv --signal gap", None),
         (
@@ -283,7 +283,7 @@ def test_specifications_may_stand_in_folders_and_patterns_too(folder: Path, caps
 def test_a_table_says_that_bounds_count_samples(folder: Path, capsys: Output) -> None:
     for name in ("x.csv", "y.csv"):
         (folder / name).write_text("gap\n5\n6\n5\n")
-    note = "note on x.csv and 1 more: no column is one of times, so that bounds count samples"
+    note = "note on x.csv and 1 more: there is no column of times, so bounds count samples"
     assert main(["monitor", "always[0:2](gap > 4)", "--", "x.csv", "y.csv"]) == 0
     assert note in " ".join(capsys.readouterr().out.split())
     for words in (["always[0:2](gap > 4)", "--period", "1"], ["always(gap > 4)"]):

@@ -323,12 +323,12 @@ SENTENCES: dict[Row, Shown] = {
     ): Shown("replay case.json", ASKED),
     Row(
         "a system calls `sys.exit` in all simulations",
-        "the first with InputError: leaves called sys.exit(0), which is no end",
+        "the first with InputError: leaves called sys.exit(0), which does not end a simulation",
         "2",
     ): Shown(SEARCH.replace(":server", ":leaves")),
     Row(
         "a system calls `sys.exit` in some simulations",
-        "InputError: leaves_at_times called sys.exit(0), which is no end",
+        "InputError: leaves_at_times called sys.exit(0), which does not end a simulation",
         "3",
     ): Shown(SEARCH.replace(":server", ":leaves_at_times").replace(RESPONSE, "always(gnt >= 3)")),
     Row(

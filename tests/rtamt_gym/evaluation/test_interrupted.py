@@ -70,7 +70,7 @@ def test_it_prints_and_saves_the_episodes_that_are_over(capsys: Output, folder: 
     assert evaluate("--episodes", "40", "--save", "result.json") == 130
     said = capsys.readouterr().out.splitlines()
     assert said[1:3] == ["interrupted after 3 of 40 episodes", "3 episodes, seeds 0 to 2"]
-    assert "more had begun at most, which do not count: 1 episode" in said
+    assert "not counted: at most 1 unfinished episode" in said
     assert json.loads((folder / "result.json").read_text())["interrupted"] == 40
     found = Evaluation.load(folder / "result.json")
     assert (found.interrupted, len(found.record)) == (40, 3)

@@ -29,7 +29,7 @@ from rtamt_gym.recorded.recording import Recording, Wanted
 Output = pytest.CaptureFixture[str]
 
 
-EMPTY = "note: empty cells are no events: the value before holds (gnt: 1, req: 1)\n"
+EMPTY = "note: empty cells are not events: the value before holds (gnt: 1, req: 1)\n"
 
 
 @pytest.fixture

@@ -61,20 +61,20 @@ def test_default_before_first_value(
         (
             ABSENT,
             [[1, 0.5], [3, 0.5]],
-            ["'limit' is 0.5, its default: no event is there"],
+            ["'limit' is 0.5, its default: it has no event"],
         ),
         (
             LATE,
             [[1, 0.5], [3, 0.75]],
             [
-                "empty cells are no events: the value before holds (limit: 2)",
+                "empty cells are not events: the value before holds (limit: 2)",
                 "'limit' is 0.5, its default: its first event comes at 3 s",
             ],
         ),
         (
             "time,variable,value\n1,x,0.25\n2,x,0.125\n3,x,0\n",
             [[1, 0.5], [3, 0.5]],
-            ["'limit' is 0.5, its default: no event is there"],
+            ["'limit' is 0.5, its default: it has no event"],
         ),
         (
             "time,variable,value\n1,x,0.25\n2,x,0.125\n2,limit,0.75\n3,x,0\n",
@@ -84,14 +84,14 @@ def test_default_before_first_value(
         (
             "time,x,limit\n1,0.25,0.75\n3,0,\n",
             [[1, 0.75], [3, 0.75]],
-            ["empty cells are no events: the value before holds (limit: 1)"],
+            ["empty cells are not events: the value before holds (limit: 1)"],
         ),
         (
             "time,x,limit\n1,0.25,\n",
             [[1, 0.5]],
             [
-                "empty cells are no events: the value before holds (limit: 1)",
-                "'limit' is 0.5, its default: no event is there",
+                "empty cells are not events: the value before holds (limit: 1)",
+                "'limit' is 0.5, its default: it has no event",
             ],
         ),
     ],

@@ -304,7 +304,7 @@ def test_empty_values_of_long_tables_hold_with_a_note(
     log = written(tmp_path, frame.assign(VALUE=[1.0, None, 1.0, 2.0]), end)
     words = ["monitor", "always(x < 2)", log, "--dense", "--long", "PID=VALUE"]
     assert main(words) == 1
-    assert "empty cells are no events: the value before holds (x: 1)" in capsys.readouterr().out
+    assert "empty cells are not events: the value before holds (x: 1)" in capsys.readouterr().out
     assert main([*words, "--signal", "x=z"]) == 2
     log = written(tmp_path, frame.assign(VALUE=[None, None, 1.0, None]), end)
     capsys.readouterr()

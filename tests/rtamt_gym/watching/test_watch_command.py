@@ -338,7 +338,7 @@ def test_an_idle_group_ends_and_may_not_come_back(capsys: Output, stream: Path) 
     arguments = [CALM, "--by", "car", "--group-idle", "2.5s"]
     code, lines, errors = watched(capsys, stream, text, *arguments)
     assert code == 2
-    assert "line 8: group 'a' has ended by --group-idle before" in errors
+    assert "line 8: group 'a' has already ended by --group-idle" in errors
     finals = [(line["group"], line["end"]) for line in lines if line["final"]]
     assert finals == [("a", "cut"), ("b", "open")]
     code, _, _ = watched(capsys, stream, text, *arguments, "--skip-bad")

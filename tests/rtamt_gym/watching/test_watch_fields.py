@@ -94,7 +94,7 @@ def test_events_that_are_not_there_are_counted(
     orders: list[str], capsys: Output, tmp_path: Path
 ) -> None:
     path = as_json(tmp_path, rows({}, {}))
-    note = "empty cells are no events: the value before holds (speed: 2)"
+    note = "empty cells are not events: the value before holds (speed: 2)"
     assert main(["monitor", SPEC, str(path), "--dense", *orders]) == 0
     assert note in " ".join(capsys.readouterr().out.split())
     assert main(["watch", SPEC, str(path), "--dense", *orders]) == 0

@@ -153,7 +153,7 @@ def test_a_group_may_come_back_after_its_end(capsys: Output, tmp_path: Path) -> 
     arguments = ["--group-idle", "2s", "--skip-bad"]
     code, finals, errors = watched(capsys, tmp_path / "rows.csv", text, *arguments)
     assert code in (0, 3)
-    assert "group 'a' has ended by --group-idle before" in errors
+    assert "group 'a' has already ended by --group-idle" in errors
     assert [line["group"] for line in finals] == ["a", "b"]
 
 
@@ -248,7 +248,7 @@ def test_rows_after_an_idle_end_are_not_a_pass(
     assert got == code
     assert "group 'b' got 3 rows after --group-idle had ended it: these rows were left" in errors
     got, _, errors = watched(capsys, path, text, "--group-idle", "3", *options)
-    assert (got, "group 'b' has ended by --group-idle before" in errors) == (2, True)
+    assert (got, "group 'b' has already ended by --group-idle" in errors) == (2, True)
     text = "".join(line for line in text.splitlines(keepends=True) if not line.endswith("b,9\n"))
     got, _, errors = watched(capsys, path, text, *idle)
     assert (got, "--group-idle" in errors) == (code - 3 if code == 3 else 1, False)
@@ -296,4 +296,4 @@ def test_a_group_lasts_for_exactly_the_idle_time(capsys: Output, tmp_path: Path)
     arguments = ["watch", "always(x < 3)", str(path), "--by", "car", "--dense"]
     assert main([*arguments, "--group-idle", "300ms"]) == 0
     assert main([*arguments, "--group-idle", "299ms"]) == 2
-    assert "has ended by --group-idle before" in capsys.readouterr().err
+    assert "has already ended by --group-idle" in capsys.readouterr().err

@@ -46,6 +46,6 @@ def test_what_is_simulated_is_recorded_too() -> None:
 def test_run_says_which_are_unused(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", "CartPole-v1", "--policy", "zero", "--spec", "always(x < 9)"]
     main([*arguments, "--signal", "x=obs[0]", "--signal", "w=obs[3]", "--signal", "v=obs[1]"])
-    assert "\nread by no specification: 'w', 'v'\n" in capsys.readouterr().out
+    assert "\nsignals that no specification reads: 'w', 'v'\n" in capsys.readouterr().out
     main([*arguments, "--signal", "x=obs[0]"])
-    assert "read by no specification" not in capsys.readouterr().out
+    assert "signals that no specification reads" not in capsys.readouterr().out
