@@ -27,6 +27,8 @@ from rtamt_gym.search.falsification.points import Floats
 from rtamt_gym.search.falsification.search import SearchOver
 from rtamt_gym.systems.system import System, SystemEnd
 
+__all__ = ["check_optimizer", "check_system", "check_trace_format"]
+
 ColumnTable = Mapping[str, NDArray[Any]]
 """Columns by name; the first is ``time``, in seconds."""
 

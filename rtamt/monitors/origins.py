@@ -2,7 +2,9 @@
 
 The meaning of an operator in `rtamt.language.operators` only chooses among the values of its
 operands, by minimum and maximum, and changes their sign. Run on values with an origin, it shows
-which value it chose. Therefore a new operator needs no code here.
+which value it chose.
+
+To add an operator, nothing is needed here: its meaning explains it.
 
 A place is the number of a sample, or a position of dense time (`rtamt.program.dense_lowering`).
 `FormulaSignals` in `rtamt.monitors.explainer` follows the origins through a formula, over samples
