@@ -7,6 +7,7 @@ from rtamt.columns.names import (
     hinted_unit,
     name_words,
     own_times,
+    read_name,
     split_times,
     unit_of_times,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "objects_in",
     "own_times",
     "plausible_units",
+    "read_name",
     "split_times",
     "stated_period",
     "tells_objects",

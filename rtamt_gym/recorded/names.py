@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import rtamt
 from rtamt import InputError
-from rtamt.columns import name_words
+from rtamt.columns import name_words, read_name
 from rtamt.errors import near_name, nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
@@ -83,7 +83,7 @@ def check_near(
             signal = shlex.quote(f"{name}={near}")
             raise InputError(
                 f"{source}: no column '{name}', which has a default, but '{near}'; give --signal "
-                f"{signal} to read it, or --default {name} to take the default "
+                f"{signal} to read it{_if_in_unit(near)}, or --default {name} to take the default "
                 f"{number(columns.starts[name])}"
             )
 
@@ -161,6 +161,7 @@ def needed_columns(
         similar = [name for name in recording.names if column.lower() in name.lower()]
         if column == variable and len(column) > 2 and len(similar) == 1:
             hint = f"; give --signal {shlex.quote(f'{variable}={similar[0]}')}"
+            hint += _if_in_unit(similar[0])
         elif column == variable and not hint:
             hint = f"; give --signal {variable}=COLUMN"
         if len(recording.names) == 1 and re.search(r"[^\w.]", recording.names[0]):
@@ -206,6 +207,12 @@ def _check_header(recording: Recording, needed: Sequence[str]) -> None:
             f"{source}, line 1: expected the names of the columns, got {listed(names)}; "
             f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *needed)))}"
         )
+
+
+def _if_in_unit(column: str) -> str:
+    """Return the condition under which a column with a unit has the values of a variable."""
+    unit = read_name(column).unit
+    return f" if the specification counts in {unit}" if unit else ""
 
 
 def _missing(recording: Recording, name: str, reader: str, hint: str) -> InputError:

@@ -334,7 +334,7 @@ def test_a_variable_may_be_called_otherwise() -> None:
     assert read(text, named, ["speed"]).columns["speed"].tolist() == [3.0, 4.0]
     recording = CsvRecording(text.splitlines(), "t.csv")
     for variables, hint in {
-        "speed": "; give --signal 'speed=Vehicle Speed [km/h]'",
+        "speed": "; give --signal 'speed=Vehicle Speed [km/h]' if the specification counts in km/h",
         "brake": "; give --signal brake=COLUMN",
         "gera": "; did you mean 'gear'?",
     }.items():

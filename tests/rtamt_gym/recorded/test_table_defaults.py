@@ -118,8 +118,8 @@ def test_missing_requested_column_error(tmp_path: Path) -> None:
 
 
 NEAR = """\
-'{variable}', which has a default, but '{near}'; give --signal {signal} to read it, or --default \
-{variable} to take the default 0.5"""
+'{variable}', which has a default, but '{near}'; give --signal {signal} to read it{unit}, or \
+--default {variable} to take the default 0.5"""
 
 
 @pytest.mark.parametrize("reading", [EvaluationOptions(), EvaluationOptions(dense=True)])
@@ -140,7 +140,8 @@ def test_default_with_misspelt_column_error(
         read_ruled(path, specs, reading, Columns())
     said = f"{variable}={near}"
     signal = said if near.isalnum() else f"'{said}'"
-    expected = NEAR.format(variable=variable, near=near, signal=signal)
+    unit = " if the specification counts in m/s" if "m/s" in near else ""
+    expected = NEAR.format(variable=variable, near=near, signal=signal, unit=unit)
     assert str(caught.value) == f"{path}: no column {expected}"
     # Both ways out lead out.
     found, _ = read_ruled(path, specs, reading, Columns({variable: near}))
