@@ -57,15 +57,8 @@ def main(argv: list[str] | None = None) -> None:
     for seed in range(arguments.episodes):
         for driver, colour in (("cautious", "C0"), ("aggressive", "C1")):
             policy = partial(drive, driver, env.unwrapped)
-            run = simulate(
-                env,
-                SPECS,
-                SIGNALS,
-                policy=policy,
-                seed=seed,
-                stop="end",
-                at_termination="complete",
-            )
+            options: Any = {"seed": seed, "stop": "end", "at_termination": "complete"}
+            run = simulate(env, SPECS, SIGNALS, policy=policy, **options)
             margins = "  ".join(f"{run.histories[rule].final:+6.2f} m" for rule in SPECS)
             crash, broken = run.ended == "terminated", "never"
             if (sample := run.violated_at) is not None:

@@ -1,8 +1,6 @@
 """A controller that looks ahead: it chooses the future with the largest robustness.
 
-A cart balances a pole in a corridor that bends, where feedback reacts too late. The controller
-continues the simulation from a snapshot towards several goals, and chooses the goal with the
-largest minimum robustness.
+A cart balances a pole in a corridor with bends, where feedback alone reacts too late.
 
 Run: python examples/lookahead.py --plot lookahead.png
 """

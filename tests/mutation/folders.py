@@ -180,7 +180,7 @@ _ARRAYS: Final = tuple(
         *("judging", "offline", "online", "operations", "selectors"),
     )
 )
-_TOP: Final = ("demo", "drawing", "libraries", "markup", "success", "tables")
+_TOP: Final = ("demo", "drawing", "markup", "success", "tables", "testing")
 _CAMPAIGNS: Final = "tests/rtamt_gym/search"
 _RUNS: Final = "tests/rtamt_gym/play"
 
@@ -218,10 +218,13 @@ FOLDERS: Final = {
         Folder(
             "rtamt_gym/statistics",
             (
-                *(f"rtamt_gym/results/{name}.py" for name in ("statistics", "intervals", "seeds")),
+                *(
+                    f"rtamt_gym/results/{name}.py"
+                    for name in ("statistics", "intervals", "method_scores")
+                ),
                 *(
                     f"rtamt_gym/evaluation/{name}.py"
-                    for name in ("compared", "methods", "paired", "sequential")
+                    for name in ("methods", "paired", "sequential")
                 ),
             ),
             _STATISTICS,
@@ -249,7 +252,6 @@ FOLDERS: Final = {
         _room("rtamt_gym", "search"),
         _room("rtamt_gym", "signals", "tests/rtamt_gym/wrappers"),
         _room("rtamt_gym", "systems", _CAMPAIGNS, _RUNS),
-        _room("rtamt_gym", "testing"),
         Folder(  # .ci/run live installs rerun-sdk
             "rtamt_gym/live",
             ("rtamt_gym/live",),
@@ -271,9 +273,14 @@ FOLDERS: Final = {
             "rtamt_gym",
             tuple(f"rtamt_gym/{name}.py" for name in _TOP),
             Covering(
-                ("tests/rtamt_gym/success", "tests/rtamt_gym/commands", "rtamt_gym/tables.py")
+                (
+                    "tests/rtamt_gym/success",
+                    "tests/rtamt_gym/testing",
+                    "tests/rtamt_gym/commands",
+                    "rtamt_gym/tables.py",
+                )
             ),
-            ("tests/rtamt_gym/success",),
+            ("tests/rtamt_gym/success", "tests/rtamt_gym/testing"),
             size=30,
         ),
         Folder(
