@@ -36,8 +36,8 @@ To add a function, such as ``tanh``:
 5. Add the words, and list the function in ``docs/language.md``, as for an operator. An error in
    ``tests/rtamt/language/parse_errors.txt`` lists all functions.
 6. In ``tests/support``, define the function in ``oracle.py``. Add it to ``_GUARDS`` of
-   ``strategies.py`` if it is not defined everywhere, and to ``ROUNDED`` of ``array_cases.py`` if
-   libraries round it differently.
+   ``strategies.py`` if it is not defined everywhere. If libraries round it differently, add it to
+   ``ROUNDED`` of ``array_cases.py`` and to "Exactness and errors" in ``docs/arrays.md``.
 """
 
 from __future__ import annotations

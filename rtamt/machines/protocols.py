@@ -25,13 +25,16 @@ To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
 - ``rtamt/native``: ``core/order.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/episodes.cpp`` and
   ``batch/variants.cpp``;
-- `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement`` and ``batch``;
-- `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`.
+- `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement``, ``judgements``, ``many`` and
+  ``explainer``, and ``TraceSpan`` in `rtamt.program.implications`;
+- `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`;
+- `rtamt_gym`: ``commands/judging``, ``commands/group_judging``, ``recorded/judge`` and
+  ``reports/episodes``.
 
 Describe it in ``docs/ends.md``, in ``finish`` of the monitors, in `rtamt.judge`, and in the options
 ``end``, ``at_termination`` and ``at_truncation`` of `rtamt_gym.options.evaluation`, which commands,
 wrappers and nodes take their choices from. ``tests/support/end_oracle.py`` defines every end mode
-again.
+again; ``git grep "complete.*cut.*open"`` finds the tests, errors and pages that list all of them.
 """
 
 from __future__ import annotations

@@ -21,8 +21,11 @@ alone. The machines rely on its laws, and ``tests/rtamt/program/test_algebra.py`
 * Its mirror is the same fold with time flipped: unbounded futures are folded backwards.
 
 Sum, mean and AGM robustness cannot be rows: a sum is not idempotent, and a mean makes numbers that
-no operand has. They need a fifth instruction in `rtamt.program.instructions`, ``AVERAGE lo hi``.
-mypy then lists every ``match`` that must run or refuse it.
+no operand has. They need a fifth instruction in `rtamt.program.instructions`, ``AVERAGE lo hi``,
+and other functions than min and max for ``and`` and ``or``. mypy then lists each ``match`` with
+``assert_never`` that must run or refuse it. Search for ``isinstance`` and ``case`` with `Window`
+too, and for ``Opcode`` in ``rtamt/native``. `lattice_of` in `rtamt_arrays.offline`, for
+``semantics="smooth"``, is the only semantics with other means so far.
 """
 
 from __future__ import annotations

@@ -20,7 +20,10 @@ To add a key, compute its value for one environment, for a batch and for arrays:
 Describe it in the docstring of `StlMonitor` and in ``docs/gymnasium.md``. A key of every info is
 also an array of `relabel`: list it in its docstring. The exact keys are in ``test_stl_monitor.py``
 and ``test_parallel_monitor.py`` in ``tests/rtamt_gym/wrappers``. The contract in
-``tests/support/array_requirements.py`` compares arrays with the vector wrapper.
+``tests/support/array_requirements.py`` compares arrays with the vector wrapper, and
+``tests/support/episode_oracle.py`` defines all infos again. A key of the last info that is not one
+value per sample is in ``_OF_THE_EPISODE`` of `rtamt_gym.datasets.relabel`. A key of `end_info` is
+listed in ``docs/arrays.md`` and in `rtamt_arrays.jax.brax`.
 """
 
 from __future__ import annotations

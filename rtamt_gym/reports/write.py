@@ -4,7 +4,7 @@ To add a section about a kind of file, see `rtamt_gym.results.codec`. A section 
 needs a function in `rtamt_gym.reports`, its class in `Result` and a case of `section_of`. A new
 kind of section also needs its name in `SectionKind` and its noun in `NOUNS`, both in
 `rtamt_gym.reports.model`. Describe it in the docstring of `write_report` and in
-``docs/results.md``.
+``docs/results.md``. An error in ``tests/rtamt_gym/reports/test_results.py`` lists the classes.
 
 To add a part to the sections of some results, put a block of `rtamt_gym.reports.model` into the
 fields ``blocks`` or ``figures`` of `Section` or `Requirement`, where these sections are made.

@@ -11,7 +11,11 @@ To add a statistic of a requirement over many trials:
    line to `rtamt_gym.reports.requirements`, as ``_progress`` does.
 3. List the key under "Statistics" in ``docs/results.md``. A new column changes the tables in
    ``docs/evaluation.md`` and ``docs/commands.md``; their tests show the new lines. It also changes
-   the exact keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``.
+   the exact keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``, and the tables in
+   ``docs/tutorials/environment.md``.
+4. Write ``examples/releases/*.json`` again; ``test_example_files_are_current`` has the command.
+   ``test_statistics.py`` and ``test_codec.py`` in ``tests/rtamt_gym/results`` list the keys that
+   may be "-" and the facts of the page.
 """
 
 from __future__ import annotations

@@ -320,14 +320,14 @@ def _agents(env: Any) -> dict[str, Hashable]:
 
 
 class ParallelStlReward(Rewarding, ParallelWrapper):
-    """Shapes the reward of each agent with the robustness of specifications of all of them.
+    """A wrapper that shapes the reward of each agent with the joint robustness.
 
     The wrapper takes the arguments of :class:`ParallelStlMonitor` and contains a monitor, or uses
     the monitor of the environment. Each agent of a step gets the reward of :class:`StlReward`
     from its own reward r, the joint robustness, and its own end:
 
-    * ``"replace"`` and ``"hierarchical"`` pay all agents the same, the other modes add to each r;
-      no mode looks for the agent to blame
+    * ``"replace"`` and ``"hierarchical"`` pay all agents the same, ``"verdict"`` pays only bonus
+      and penalty, and the other modes add to each r; no mode looks for the agent to blame
     * an agent that leaves before the others is paid as at an end: ``"potential"`` counts 0 after
       its termination, ``"terminal"`` pays it the robustness so far
     * ``bonus`` and ``penalty`` are paid to each agent of the step that decides, so an agent that
