@@ -210,7 +210,7 @@ MISTAKES = [
     ),
     (
         lambda: simulate(TaliroSystem(cart, options(), period=PERIOD, columns=COLUMNS), NEAR),
-        ("UserModel needs all of its inputs, 'at', got no 'at'; system.space.case(point) has all"),
+        ("UserModel needs all of its inputs, 'at', got no 'at'; system.space.case(point) sets all"),
     ),
     (
         lambda: simulate(TaliroSystem(cart, options(), period=PERIOD), NEAR, case={"at": 1.0}),
@@ -237,7 +237,7 @@ MISTAKES = [
         ),
         (
             "expected a trace of a TaliroProblem, which has the robustness, got another; "
-            "staliro.specifications.rtamt reads any"
+            "staliro.specifications.rtamt reads any trace"
         ),
     ),
 ]
