@@ -1,15 +1,18 @@
-"""The note on times that a stated period ignores."""
+"""The distances of rows: for a note on a stated period, and to find a gap between two rows."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Final
 
 import numpy as np
 
+from rtamt_gym.recorded.grid import HOLE
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.stated_period import AsideTimes
+from rtamt_gym.tables import number
 
 _MOST: Final = 10_000
 """The maximum number of different distances for the median."""
@@ -73,3 +76,39 @@ class StepCounter:
         middle = np.array([(counts[-1] - 1) // 2, counts[-1] // 2])
         usual = float(steps[np.searchsorted(counts, middle, side="right")].mean())
         return AsideTimes(usual, self._smallest, self._largest, place, self._last)
+
+
+class GroupPeriods:
+    """The periods of groups, to find a group whose only two rows may have a gap between them.
+
+    Example:
+        >>> periods = GroupPeriods()
+        >>> periods.add("a", Fraction(1), 6)
+        >>> periods.add("b", Fraction(5), 2)
+        >>> periods.fault().partition(":")[0]
+        "group 'b'"
+    """
+
+    def __init__(self) -> None:
+        self._counts = Counter[Fraction]()
+        self._widest, self._group = Fraction(0), ""
+
+    def add(self, group: str, period: Fraction, samples: int) -> None:
+        """Add a group that has ended, with two samples or more."""
+        self._counts[period] += samples - 1
+        if samples == 2 and period > self._widest:
+            self._widest, self._group = period, group
+
+    def fault(self) -> str:
+        """Return the error for the two rows that are farthest apart; empty without a gap."""
+        steps = sorted(self._counts)
+        ends = np.cumsum([self._counts[step] for step in steps])
+        usual = steps[int(np.searchsorted(ends, ends[-1] / 2))] if steps else Fraction(0)
+        if self._widest < HOLE * usual or not self._widest:
+            return ""
+        own, other = number(float(self._widest)), number(float(usual))
+        return (
+            f"group {self._group!r}: expected samples at even distances, got two rows {own} s "
+            f"apart, elsewhere {other} s. Give --dense to take rows as events, or watch this group "
+            f"alone with --period {own}s if {own} s is its step."
+        )

@@ -496,7 +496,7 @@ class SampledGroup:
             raise InputError("expected a row without an empty cell, got none")
         if not self.samples:
             return []
-        self._check_two()
+        self._check_steps()
         if self._gap:
             end = "open"
         self._note_times()
@@ -511,8 +511,10 @@ class SampledGroup:
             lines.append(line._replace(end=end, final=True, instants=counts, missing=missing))
         return lines
 
-    def _check_two(self) -> None:
-        """Raise InputError if the distance of the only two rows that stay may be a hole."""
+    def _check_steps(self) -> None:
+        """Note the period of a group; raise InputError if the only two rows may have a gap."""
+        if self.group is not None and len(self._two) and self._period is not None:
+            self._rules.periods.add(self.group, self._period, self.samples)
         steps = self._all_steps.times()
         if steps is None or self.samples != 2 or not len(self._two):
             return

@@ -21,6 +21,7 @@ from rtamt_gym.tables import number
 from rtamt_gym.watching.evidence import StreamEvidence
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.notes import StreamNotes
+from rtamt_gym.watching.period_note import GroupPeriods
 
 StreamStop = Literal["end", "violation", "decided"]
 """When a stream stops: at its end, at the first violation, or once everything is decided."""
@@ -45,6 +46,7 @@ class StreamRules:
         source: The name of the stream, for messages.
         notes: The notes on how rows were read.
         evidence: The triggers of implications.
+        periods: The periods of groups that have ended.
     """
 
     specs: Mapping[str, rtamt.Specification]
@@ -59,6 +61,7 @@ class StreamRules:
     source: str = ""
     notes: StreamNotes = field(default_factory=StreamNotes)
     evidence: StreamEvidence = field(init=False)
+    periods: GroupPeriods = field(default_factory=GroupPeriods)
 
     def __post_init__(self) -> None:
         self.evidence = StreamEvidence(self.specs, self.reading.view)

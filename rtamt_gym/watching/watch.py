@@ -448,6 +448,10 @@ class StreamWatch:
         for trace in self.traces.values():
             self._finish(trace, end, early=early)
         self.traces.clear()
+        fault = self.rules.periods.fault() if self.stopped or not early else ""
+        if fault:
+            self.failures.append(f"{self._source}: {fault}")
+            self._words.add("failed")
 
     def seconds(self) -> float | None:
         """Return the time of the last row in seconds; None before the first, or without times."""

@@ -312,3 +312,18 @@ def test_two_rows_around_a_gap_are_no_step(rows: str, capsys: Output, tmp_path: 
         code = main([*command, "always(x > 0)", *file, "--missing", "drop"])
         assert (code, error in capsys.readouterr().err) == (2, True)
     assert main(["watch", "always(x > -9)", *file, "--missing", "unknown"]) == 3
+
+
+@pytest.mark.parametrize("first", ["a", "b"])
+def test_two_rows_of_a_group_around_a_gap_are_no_step(
+    first: str, capsys: Output, tmp_path: Path
+) -> None:
+    cars = [*((i, "a") for i in range(6)), (0, "b"), (5, "b")]
+    rows = sorted(cars, key=lambda row: row[1] != first)
+    path = tmp_path / "trace.csv"
+    path.write_text("time,car,x\n" + "".join(f"{time},{car},5\n" for time, car in rows))
+    options = [str(path), "--time-unit", "s", "--by", "car"]
+    for command in "monitor", "watch":
+        assert main([command, "always[0:5](x > 3)", *options]) == 2
+        assert "expected samples at even distances" in capsys.readouterr().err
+    assert main(["watch", "always[0:5](x > 3)", *options, "--dense"]) == 0
