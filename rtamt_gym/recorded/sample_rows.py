@@ -107,7 +107,7 @@ def read_trace(
         if name not in there:
             values[name] = np.full(rows.count, columns.starts[name])
             near = "" if name in columns.defaults else nearest(name, recording.names)
-            why = f"there is no such column{near}"
+            why = f"the column is missing{near}"
             notes.append(take_default(recording.source, name, columns, why))
             defaults[name] = columns.starts[name]
     times, step = None, ""

@@ -169,7 +169,7 @@ class StreamColumns:
         needed = needed_columns(head, self.there, columns)
         for name in variables:
             if name not in self.there:
-                why = "there is no such column"
+                why = "the column is missing"
                 self.notes.append(take_default(self._source, name, columns, why))
         times = [] if self.time is None else self.time.columns
         self._groups.check(self._source, names, times)

@@ -32,7 +32,7 @@ def table(folder: Path, text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "missing", "limits", "notes"),
     [
-        (ABSENT, "raise", [0.5] * 3, ["'limit' is 0.5, its default: there is no such column"]),
+        (ABSENT, "raise", [0.5] * 3, ["'limit' is 0.5, its default: the column is missing"]),
         (
             LATE,
             "hold",
@@ -295,7 +295,7 @@ def test_a_default_is_kept_with_the_outcomes(
     trace, _ = read_ruled(
         path, {"": again}, EvaluationOptions(), Columns(**outcomes["reading"]["columns"])
     )
-    assert "'limit' is 0.5, its default: there is no such column" in trace.notes
+    assert "'limit' is 0.5, its default: the column is missing" in trace.notes
 
 
 def test_a_default_holds_in_every_command(
@@ -308,5 +308,5 @@ def test_a_default_holds_in_every_command(
     assert main(["mine", text, "--range", "v=-1:1", path]) == 0
     out = capsys.readouterr().out
     assert out.startswith("v = -0.24999 is the smallest for which the trace satisfies ")
-    note = f"note: {path}: 'limit' is 0.5, its default: there is no such column"
+    note = f"note: {path}: 'limit' is 0.5, its default: the column is missing"
     assert note in " ".join(out.split())
