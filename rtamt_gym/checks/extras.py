@@ -1,13 +1,17 @@
-"""The packages that extras install, and errors that name the extra of a missing package.
+"""Optional packages: the extras that install them, and their additions to tables of this one.
 
 `rtamt_gym` imports this module first, because it raises an error if the released library, which is
 also named `rtamt`, was installed over this one.
+
+To add a table that other packages may extend: a function that reads the table with `plugins`, a
+contract in `rtamt_gym.testing` and a section of ``docs/extending.md``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
 import rtamt
 import rtamt.lazy
@@ -131,3 +135,33 @@ def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], 
             raise naming_extra(error, f"{package}.{name}") from error
 
     return load_or_name_extra
+
+
+@cache
+def plugins(group: str) -> Mapping[str, Any]:
+    """Return the objects that installed packages add to a table, by name.
+
+    Args:
+        group: The table, as in ``[project.entry-points."rtamt.optimizers"]``.
+
+    Raises:
+        InputError: If an entry cannot be loaded, or two have one name; the error names the package.
+    """
+    from importlib.metadata import entry_points  # slow to import, and rarely needed
+
+    result: dict[str, Any] = {}
+    for entry in entry_points(group=group):
+        package = entry.dist.name if entry.dist else "a package"
+        if entry.name in result:
+            raise rtamt.InputError(
+                f"expected one {entry.name!r} among the entry points {group}, got a second from "
+                f"{package}; uninstall one package"
+            )
+        try:
+            result[entry.name] = entry.load()
+        except Exception as error:  # a package may raise anything while it is imported
+            raise rtamt.InputError(
+                f"cannot load {entry.value}, which {package} adds to {group} as {entry.name!r}: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+    return result

@@ -32,7 +32,7 @@ from rtamt_gym.commands.fleet_worker import (
 )
 from rtamt_gym.commands.specs import identified_texts
 from rtamt_gym.commands.traces import TracesAsked
-from rtamt_gym.play.process import end_processes
+from rtamt_gym.play.workers import end_processes
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import with_columns
 from rtamt_gym.recorded.parts import file_of

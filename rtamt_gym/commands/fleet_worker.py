@@ -28,7 +28,7 @@ from rtamt_gym.checks.extras import names_extra
 from rtamt_gym.commands.judging import judge_file, row_of
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.play.loop import Task
-from rtamt_gym.play.process import Setup, run_chunk
+from rtamt_gym.play.workers import Setup, run_chunk
 from rtamt_gym.recorded.contained import LIMIT
 from rtamt_gym.results.trial import Trial
 

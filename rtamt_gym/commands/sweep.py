@@ -218,7 +218,7 @@ def _check_map(
     columns: Sequence[str], requirements: Collection[str], options: argparse.Namespace
 ) -> None:
     """Refuse a heat map that cannot be drawn, before anything runs."""
-    from rtamt_gym.search.sweeps.robustness_map import two_of
+    from rtamt_gym.search.sweeps.effects import two_of
 
     if len(requirements) > 1:
         raise InputError(f"--heat-map: expected one --requirement, got {listing(requirements)}")

@@ -53,7 +53,7 @@ from rtamt_gym.systems.registry import make
 from rtamt_gym.systems.system import no_exit
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.parallel_runner import ClusterBackend
+    from rtamt_gym.play.campaign import ClusterBackend
 
 
 @documents_options("episodes")

@@ -39,8 +39,7 @@ from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.signals.step_time import StepTime, StepTimes
 from rtamt_gym.signals.taps import VectorTap, rescaling, tapped
 from rtamt_gym.systems.environment import with_own_monitor
-from rtamt_gym.systems.models import Model, PolicyBatch
-from rtamt_gym.systems.policies import SeededPolicy, evaluated
+from rtamt_gym.systems.policies import Model, PolicyBatch, SeededPolicy, evaluated
 from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, no_exit
 from rtamt_gym.wrappers.monitor import monitor_of
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor

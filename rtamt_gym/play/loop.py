@@ -18,7 +18,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.run_record import SimulatedTrace
 from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.systems.models import Model
+from rtamt_gym.systems.policies import Model
 from rtamt_gym.systems.system import Policy
 
 

@@ -33,7 +33,7 @@ from typing import Final
 
 from rtamt import InputError, RtamtError
 from rtamt.errors import shown
-from rtamt_gym.checks.plugins import plugins
+from rtamt_gym.checks.extras import plugins
 from rtamt_gym.recorded import contained
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import choose, file_of, part_of

@@ -46,9 +46,9 @@ from rtamt_gym.reports.requirements import (
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.outcome import WORDS, Outcome, Word, word
 from rtamt_gym.results.provenance import ChangedModelError, provenance_of
-from rtamt_gym.search.falsification.coverage import Effects
 from rtamt_gym.search.falsification.falsification import Falsification
-from rtamt_gym.search.sweeps.robustness_map import RobustnessMap, map_of
+from rtamt_gym.search.falsification.points import Effects
+from rtamt_gym.search.sweeps.effects import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.sweep import Sweep
 from rtamt_gym.tables import counted, number, sample_text
 

@@ -26,7 +26,7 @@ from gymnasium.vector.vector_env import VectorWrapper
 import rtamt
 from rtamt_gym.results.provenance import Fingerprint, file_hash, versions_in_use
 from rtamt_gym.systems.fmi import Fmus
-from rtamt_gym.systems.models import Model
+from rtamt_gym.systems.policies import Model
 from rtamt_gym.systems.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files
 
 _SIMULATORS: Final = frozenset({"fmpy", "mujoco"})

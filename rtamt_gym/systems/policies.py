@@ -1,22 +1,35 @@
-"""Policies: by name, and as `evaluate_policy` takes them."""
+"""Policies: by name, of trained models, and as `evaluate_policy` takes them.
+
+To add an algorithm for saved models in ``rtamt run``, add a row to `ALGORITHMS`.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+import json
+import pickle
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+from zipfile import BadZipFile, ZipFile
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector.utils import concatenate, create_empty_array
 
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.spaces import described
-from rtamt_gym.systems.models import Model, check_spaces, load_policy
 from rtamt_gym.systems.registry import find_object, line_in
 from rtamt_gym.systems.system import Policy, exited
 
@@ -262,3 +275,345 @@ class _Same:
 def _name(policy: Callable[..., Any]) -> str:
     name = getattr(policy, "__qualname__", None) or type(policy).__qualname__
     return str(name).rpartition("<locals>.")[2]
+
+
+WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+}
+"""Replacements for the replay memory, which only training needs, when a model is loaded."""
+
+
+class Model:
+    """Makes the policy of an episode from its seed and a model of Stable-Baselines3.
+
+    The model may be any object with ``predict(observation, state, episode_start,
+    deterministic=...)`` that returns an action and the next state, for one observation or a batch.
+    A recurrent state starts again with every episode. Observations are normalized if the model was
+    trained with a ``VecNormalize``. Random actions come from generators of the episode; the global
+    generators of Torch and NumPy do not change.
+
+    Attributes:
+        name: Its attribute ``name``, or the name of its class.
+        deterministic: Whether it returns the best action, and not a random one.
+        files: The files that it was loaded from; empty for a model in memory.
+    """
+
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401 - not imported
+        *,
+        deterministic: bool = True,
+        statistics: Statistics | None = None,
+        files: tuple[Path, ...] = (),
+    ) -> None:
+        self.files = files
+        self.name = str(getattr(model, "name", type(model).__name__))
+        self.deterministic = deterministic
+        self._model = model
+        normalizer = statistics or getattr(model, "get_vec_normalize_env", lambda: None)()
+        self._shown = (lambda obs: obs) if normalizer is None else normalizer.normalize_obs
+        self._statistics = _numbers(getattr(normalizer, "obs_rms", None))
+
+    def __call__(self, seed: int) -> Policy:
+        """Return the policy of an episode."""
+        dice = None if self.deterministic else _Dice(seed, self._model)
+        memory: Any = None
+        begins = np.ones(1, np.bool_)
+
+        def act(obs: Any) -> Any:  # noqa: ANN401
+            nonlocal memory, begins
+            if dice is None:
+                action, memory = self._predict(obs, memory, begins)
+            else:
+                with dice.thrown():
+                    action, memory = self._predict(obs, memory, begins)
+            begins = np.zeros(1, np.bool_)
+            return action
+
+        return act
+
+    def batch(self, space: spaces.Space[Any], count: int) -> PolicyBatch:
+        """Return the policy of ``count`` simultaneous episodes; only for a deterministic model."""
+        return PolicyBatch(self._predict, space, count)
+
+    @property
+    def kind(self) -> type:
+        """The class of the model."""
+        return type(self._model)
+
+    @property
+    def fingerprint(self) -> str:
+        """A text that identifies weights and statistics; the name of a model without them."""
+        network = getattr(self._model, "policy", None)
+        state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
+        hashed = hashlib.sha256()
+        for name, weights in state.items():
+            hashed.update(name.encode())
+            hashed.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
+        hashed.update(self._statistics)
+        known = state or self._statistics
+        return f"{self.name} {hashed.hexdigest()[:32]}" if known else self.name
+
+    def _predict(self, obs: Any, memory: Any, begins: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        result: tuple[Any, Any] = self._model.predict(
+            self._shown(obs), memory, begins, deterministic=self.deterministic
+        )
+        return result
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Replace the model by the file that it saves, without the memory for training."""
+        state = {**self.__dict__}
+        if hasattr(self._model, "save") and hasattr(type(self._model), "load"):
+            file = BytesIO()
+            self._model.save(file)
+            state["_model"] = _File(type(self._model), file.getvalue())
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if isinstance(self._model, _File):
+            self._model = self._model.load()
+
+
+class PolicyBatch:
+    """The policy of simultaneous episodes."""
+
+    def __init__(self, predict: Any, space: spaces.Space[Any], count: int) -> None:  # noqa: ANN401
+        self._predict = predict
+        self._space = space
+        self._memory: Any = None
+        self._begins = np.ones(count, np.bool_)
+
+    def begin(self, place: int) -> None:
+        """Forget the episode of a place: another one starts there."""
+        self._begins[place] = True
+
+    def act(self, observations: Sequence[Any]) -> Any:  # noqa: ANN401
+        """Return the actions for a list of observations, one per episode."""
+        space, count = self._space, len(self._begins)
+        room: Any = create_empty_array(space, count)
+        return self.of(concatenate(space, observations, room))
+
+    def of(self, observations: Any) -> Any:  # noqa: ANN401
+        """Return the actions for a batch of observations."""
+        actions, self._memory = self._predict(observations, self._memory, self._begins)
+        self._begins = np.zeros_like(self._begins)
+        return actions
+
+
+class Statistics:
+    """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+        loaded = pickle.loads(content)  # noqa: S301 - as the model is
+        self._normalize: Any = loaded.normalize_obs
+        self.obs_rms: Any = getattr(loaded, "obs_rms", None)
+
+    def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
+        """Normalize an observation or a batch."""
+        return self._normalize(obs)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Statistics, (self._content,)
+
+
+def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
+    """Return mean and variance of a ``VecNormalize`` as bytes; empty without one."""
+    if statistics is None:
+        return b""
+    if isinstance(statistics, Mapping):
+        return b"".join(key.encode() + _numbers(moment) for key, moment in statistics.items())
+    return b"".join(np.asarray(moment).tobytes() for moment in (statistics.mean, statistics.var))
+
+
+class _File:
+    """A model as the bytes of the file that it saves."""
+
+    def __init__(self, kind: Any, content: bytes) -> None:  # noqa: ANN401
+        self._kind = kind
+        self._content = content
+
+    def load(self) -> Any:  # noqa: ANN401
+        replacements = dict(WITHOUT_TRAINING)
+        return self._kind.load(BytesIO(self._content), device="cpu", custom_objects=replacements)
+
+
+class _Dice:
+    """The state of one episode's generators of random numbers."""
+
+    def __init__(self, seed: int, model: Any) -> None:  # noqa: ANN401
+        self._torch = sys.modules.get("torch")
+        # An exploring model also draws from its space of actions.
+        self._space = model.action_space if hasattr(model, "exploration_rate") else None
+        outside = self._read()
+        np.random.seed(seed % 2**32)  # noqa: NPY002 - the generator that models draw from
+        if self._torch is not None:
+            self._torch.manual_seed(seed)
+        self._own = self._read()
+        self._set(outside)
+
+    @contextmanager
+    def thrown(self) -> Iterator[None]:
+        """Draw random numbers from the generators of the episode inside a context."""
+        outside = self._read()
+        self._set(self._own)
+        try:
+            if self._space is not None:
+                self._space.seed(np.random.randint(2**31))  # noqa: NPY002
+            yield
+        finally:
+            self._own = self._read()
+            self._set(outside)
+
+    def _read(self) -> tuple[Any, Any]:
+        torch = self._torch
+        return np.random.get_state(), None if torch is None else torch.get_rng_state()  # noqa: NPY002
+
+    def _set(self, state: tuple[Any, Any]) -> None:
+        np.random.set_state(state[0])  # noqa: NPY002
+        if self._torch is not None:
+            self._torch.set_rng_state(state[1])
+
+
+def check_spaces(model: Any, env: gym.Env[Any, Any], name: str) -> None:  # noqa: ANN401
+    """Raise InputError if a model was trained in other spaces than an environment has."""
+    for which in ("observation", "action"):
+        trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
+        if trained is not None and not _alike(trained, has):
+            raise InputError(
+                f"{name} was trained with the {which} space {described(trained)}, and "
+                f"{env.spec.id if env.spec else env} has {described(has)}"
+            )
+
+
+def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
+    """Return whether two spaces have the same size; models of images move the channels."""
+    return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)
+
+
+ALGORITHMS: dict[str, tuple[str, str, frozenset[str]]] = {
+    name: (module, policies, frozenset(attributes))
+    for name, module, policies, attributes in (
+        ("RecurrentPPO", "sb3_contrib", "sb3_contrib.common.recurrent", ["clip_range"]),
+        ("MaskablePPO", "sb3_contrib", "sb3_contrib.common.maskable", ["clip_range"]),
+        ("TRPO", "sb3_contrib", "", ["cg_max_steps"]),
+        ("ARS", "sb3_contrib", "", ["n_delta"]),
+        ("TQC", "sb3_contrib", "", ["top_quantiles_to_drop_per_net"]),
+        ("CrossQ", "sb3_contrib", "", ["policy_delay", "target_entropy"]),
+        ("QRDQN", "sb3_contrib", "", ["n_quantiles"]),
+        ("TD3", "stable_baselines3", "", ["policy_delay"]),
+        ("DDPG", "stable_baselines3", "", ["policy_delay"]),
+        ("SAC", "stable_baselines3", "", ["target_entropy"]),
+        ("DQN", "stable_baselines3", "", ["exploration_fraction"]),
+        ("PPO", "stable_baselines3", "", ["clip_range"]),
+        ("A2C", "stable_baselines3", "", ["gae_lambda"]),
+    )
+}
+"""The package of each algorithm, the module of its policies if that identifies it, and the
+attributes that distinguish it from the algorithms below. A file of DDPG is read as TD3, which acts
+the same."""
+
+
+def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
+    """Load ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
+
+    Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl`` in the same
+    folder, if it exists. Both files hold pickled Python objects, which can do anything when they
+    are loaded.
+
+    Raises:
+        InputError: If the file is not a model, its algorithm is unknown, it or the ``VecNormalize``
+            cannot be loaded, or it was trained in other spaces than the environment has.
+        OSError: If the file cannot be opened.
+    """
+    # A path may start with the letter of a drive.
+    algorithm, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text
+    path = Path(file)
+    if not path.exists() and path.suffix != ".zip":
+        path = path.with_name(f"{path.name}.zip")  # as Stable-Baselines3 adds it
+    attributes, policy_module = _read(path)
+    name = algorithm or algorithm_of(attributes, policy_module)
+    if name is None:
+        raise InputError(
+            f"the algorithm of {path} is unknown; write sb3:ALGORITHM:{file}, where ALGORITHM is "
+            f"{', '.join(ALGORITHMS)} or module.Class"
+        )
+    model = _load(name, path, attributes, file)
+    check_spaces(model, env, str(path))
+    normalize = path.with_name(f"{path.stem}_vecnormalize.pkl")
+    files = (path, normalize) if normalize.exists() else (path,)
+    return Model(model, statistics=_statistics(path, normalize), files=files)
+
+
+def _statistics(path: Path, normalize: Path) -> Statistics | None:
+    """Return the ``VecNormalize`` in a file next to a model; None without this file."""
+    if not normalize.exists():
+        return None
+    content = normalize.read_bytes()
+    try:
+        return Statistics(content)
+    except Exception as error:  # pickled objects can raise anything
+        raise InputError(
+            f"cannot load {normalize} as the VecNormalize of {path.name}: {type(error).__name__}: "
+            f"{error}; expected the file that its save() writes, or none of this name"
+        ) from error
+
+
+def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
+    """Return the algorithm with these attributes, or None."""
+    for name, (_, policies, distinctive) in ALGORITHMS.items():
+        if distinctive.issubset(attributes) and policy_module.startswith(policies):
+            return name
+    return None
+
+
+def _read(path: Path) -> tuple[Collection[str], str]:
+    """Return the names of the attributes in a file, and the module of the policy's class."""
+    try:
+        with ZipFile(path) as archive:
+            data = json.loads(archive.read("data"))
+        return data.keys(), str(data["policy_class"].get("__module__"))
+    except (BadZipFile, KeyError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is not a model of Stable-Baselines3; expected the file that model.save() "
+            "writes"
+        ) from error
+
+
+def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:  # noqa: ANN401
+    if name == "MaskablePPO":
+        raise InputError(
+            f"{path} is a model of MaskablePPO, which needs the mask of allowed actions; write a "
+            "function that passes the mask, and give --policy module:function"
+        )
+    algorithm = _class_of(name)
+    replacements = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
+    try:
+        return algorithm.load(path, device="cpu", custom_objects=replacements)
+    except Exception as error:
+        raise InputError(
+            f"cannot load {path} as a model of {name}: {type(error).__name__}: {error}; for a "
+            f"model of another algorithm, write sb3:ALGORITHM:{file}"
+        ) from error
+
+
+def _class_of(name: str) -> Any:  # noqa: ANN401
+    if name in ALGORITHMS:
+        package = ALGORITHMS[name][0]
+        if not find_spec(package):
+            needed = {"sb3_contrib": "sb3-contrib"}.get(package, "stable-baselines3")
+            raise InputError(f"a model of {name} needs {needed}: pip install {needed}")
+        return find_object(package, name)
+    module, dot, class_name = name.rpartition(".")
+    if not dot:
+        raise InputError(
+            f"expected an algorithm of Stable-Baselines3, {', '.join(ALGORITHMS)}, or "
+            f"module.Class, got {name!r}{nearest(name, ALGORITHMS)}"
+        )
+    kind = find_object(module, class_name)
+    if not callable(getattr(kind, "load", None)):
+        raise InputError(f"expected a class of models as {name}, got {kind!r}, which cannot load")
+    return kind

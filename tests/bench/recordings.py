@@ -28,7 +28,7 @@ from rtamt_gym.commands.fleet_worker import FleetJob, judge_batch, pickled, vers
 from rtamt_gym.commands.judging import judge_files
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.play.process import end_processes
+from rtamt_gym.play.workers import end_processes
 from rtamt_gym.recorded.columns import Columns
 
 LIMIT = "limit = always(x < 10)"

@@ -32,7 +32,7 @@ from rtamt_gym.results.warnings import (
     undecided_in,
     undecided_warnings,
 )
-from rtamt_gym.search.falsification.coverage import Coverage, Effects
+from rtamt_gym.search.falsification.points import Coverage, Effects
 from rtamt_gym.tables import counted, number
 
 __all__ = ["Falsification", "with_inputs"]

@@ -26,28 +26,26 @@ from rtamt_gym.options.evaluation import (
     checked_options,
     documents_options,
 )
+from rtamt_gym.play.campaign import ParallelRunner, Recipe, check_workers
 from rtamt_gym.play.folder import Folder
-from rtamt_gym.play.parallel_runner import ParallelRunner, Recipe, check_workers
 from rtamt_gym.play.record import Record, check_columns, written_space
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.falsification.coverage import Effects, coverage_of
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
-from rtamt_gym.search.falsification.points import Optimizer
+from rtamt_gym.search.falsification.points import Effects, Optimizer, coverage_of
 from rtamt_gym.search.falsification.scales import checked_scales
-from rtamt_gym.search.falsification.search import Search, SearchOver
-from rtamt_gym.search.falsification.search_folder import SearchFolder
+from rtamt_gym.search.falsification.search import Search, SearchFolder, SearchOver
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.parallel_runner import ClusterBackend
+    from rtamt_gym.play.campaign import ClusterBackend
 
 __all__ = ["IrreproducibleWarning", "falsify", "reduced"]
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.extras import plugins
 from rtamt_gym.checks.names import listing
-from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.search.falsification.points import (
     Evaluate,
     Floats,

@@ -16,7 +16,7 @@ from rtamt import Verdict
 from rtamt_gym import drawing
 from rtamt_gym.inputs.space import Parameter, Space
 from rtamt_gym.play.record import Record
-from rtamt_gym.search.sweeps.robustness_map import RobustnessMap, text_of
+from rtamt_gym.search.sweeps.effects import RobustnessMap, text_of
 from rtamt_gym.tables import shorten
 
 __all__ = ["draw_map", "draw_scatter"]

@@ -29,15 +29,14 @@ from rtamt_gym.play.summaries import failures, record_table
 from rtamt_gym.results.provenance import reuse_lines
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import evidence_lines
-from rtamt_gym.search.sweeps.indices import Indices, indices
-from rtamt_gym.search.sweeps.robustness_map import RobustnessMap, map_of
+from rtamt_gym.search.sweeps.effects import Indices, RobustnessMap, indices, map_of
 from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.system import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.play.parallel_runner import ClusterBackend
+    from rtamt_gym.play.campaign import ClusterBackend
 
 __all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 

@@ -16,12 +16,12 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.commands.errors import refusal
 from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
-from rtamt_gym.play.parallel_runner import ParallelRunner
+from rtamt_gym.play.campaign import ParallelRunner
 from rtamt_gym.reports.html import render
 from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.intervals import scipy_stats
 from rtamt_gym.search.falsification.falsification import Falsification
-from rtamt_gym.search.sweeps.indices import Indices
+from rtamt_gym.search.sweeps.effects import Indices
 
 ALL = set(rtamt_gym._MODULES)
 

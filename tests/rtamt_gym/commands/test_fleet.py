@@ -26,7 +26,7 @@ from rtamt_gym.commands.fleet_folder import FleetFolder
 from rtamt_gym.commands.fleet_worker import FileRunner, FileTask, FleetJob, judge_batch
 from rtamt_gym.commands.traces import TracesAsked
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.play.process import end_processes
+from rtamt_gym.play.workers import end_processes
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.results.matrix import RESULTS
 

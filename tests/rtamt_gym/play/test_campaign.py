@@ -22,11 +22,10 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym import Case, Parameter, Runner, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.play import campaign
-from rtamt_gym.play import process as campaign_process
-from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.play import workers as campaign_process
+from rtamt_gym.play.campaign import Recipe, chosen_workers, run_campaign
 from rtamt_gym.play.loop import Task
-from rtamt_gym.play.parallel_runner import Recipe, chosen_workers
-from rtamt_gym.play.process import Setup, end_processes, run_chunk
+from rtamt_gym.play.workers import Setup, end_processes, run_chunk
 from rtamt_gym.results import Record, Sweep
 
 GRANTS = "rtamt/RequestGrant-v0"

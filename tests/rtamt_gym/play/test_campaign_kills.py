@@ -21,12 +21,12 @@ PROGRAM = """
 import os, random, signal, sys
 from pathlib import Path
 from campaign_systems import noted, tank_runner, tank_tasks
-from rtamt_gym.play import campaign, parallel_runner, record
+from rtamt_gym.play import campaign, record
 
 SEED, COUNT, KILLS = map(int, sys.argv[1:4])
 PLACE = Path(sys.argv[4])
-parallel_runner._SECONDS = 0.02
-FILES = ("play/campaign.py", "play/folder.py", "play/parallel_runner.py", "play/process.py")
+campaign._SECONDS = 0.02
+FILES = ("play/campaign.py", "play/folder.py", "play/workers.py")
 OF_TASKS = {"<genexpr>", "<listcomp>", "digest"}
 left = 0
 

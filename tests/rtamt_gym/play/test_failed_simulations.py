@@ -17,9 +17,8 @@ from rtamt_gym import Parameter, falsify, sweep
 from rtamt_gym.__main__ import main
 from rtamt_gym.results import Falsification, Record
 from rtamt_gym.results.intervals import clopper_pearson
-from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.falsify import IrreproducibleWarning
-from rtamt_gym.search.falsification.points import Evaluate
+from rtamt_gym.search.falsification.points import Evaluate, coverage_of
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 Output = pytest.CaptureFixture[str]

@@ -15,7 +15,7 @@ from rtamt_gym.play.loop import PlayBatch, SideBySide, Task, play
 from rtamt_gym.play.offline_runner import OfflineRunner
 from rtamt_gym.play.run_record import Stop
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.systems.models import Model
+from rtamt_gym.systems.policies import Model
 
 TASKS = [Task(i, Case({}), i) for i in range(5)]
 

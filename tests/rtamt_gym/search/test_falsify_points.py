@@ -8,9 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
-from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.optimizers import Climb
-from rtamt_gym.search.falsification.points import Pieces, extremes, quasi_random, spread, take
+from rtamt_gym.search.falsification.points import (
+    Pieces,
+    coverage_of,
+    extremes,
+    quasi_random,
+    spread,
+    take,
+)
 
 SIZES = st.lists(st.integers(1, 7), min_size=1, max_size=4)
 

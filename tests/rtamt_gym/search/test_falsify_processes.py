@@ -10,7 +10,7 @@ from campaign_systems import rest
 from rtamt import InputError
 from rtamt_gym import Parameter, falsify
 from rtamt_gym.__main__ import main
-from rtamt_gym.play import process as campaign_process
+from rtamt_gym.play import workers as campaign_process
 from rtamt_gym.results import Falsification
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 

@@ -13,7 +13,7 @@ from rtamt_gym import Parameter, Space, sweep
 from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.sweeps.indices import Indices, indices
+from rtamt_gym.search.sweeps.effects import Indices, indices
 from rtamt_gym.search.sweeps.samplers import sample
 
 LIMIT = math.pi

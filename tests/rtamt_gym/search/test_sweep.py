@@ -15,8 +15,8 @@ from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, simulate, sweep
 from rtamt_gym.results import Record, Sweep
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.search.sweeps.effects import map_of
 from rtamt_gym.search.sweeps.pictures import draw_map
-from rtamt_gym.search.sweeps.robustness_map import map_of
 from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 DRY = {"dry": "always(level < 2)"}

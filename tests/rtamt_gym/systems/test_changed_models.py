@@ -19,12 +19,12 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym import Fmus, Parameter, compare, falsify, sweep
 from rtamt_gym.__main__ import main
-from rtamt_gym.play.parallel_runner import Recipe
+from rtamt_gym.play.campaign import Recipe
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.results import Evaluation, Record, SavedCase
 from rtamt_gym.results.provenance import Fingerprint
 from rtamt_gym.systems.fingerprints import fingerprint_of
-from rtamt_gym.systems.models import Model
+from rtamt_gym.systems.policies import Model
 
 Output = pytest.CaptureFixture[str]
 

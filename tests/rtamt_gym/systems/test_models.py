@@ -15,7 +15,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from rtamt_gym.systems.models import WITHOUT_TRAINING, Model
+from rtamt_gym.systems.policies import WITHOUT_TRAINING, Model
 
 
 class Torch:

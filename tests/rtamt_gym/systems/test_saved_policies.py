@@ -16,10 +16,8 @@ import numpy as np
 import pytest
 
 from rtamt import InputError
-from rtamt_gym.systems import models
-from rtamt_gym.systems import models as saved
-from rtamt_gym.systems.models import Statistics
-from rtamt_gym.systems.policies import policy_of
+from rtamt_gym.systems import policies
+from rtamt_gym.systems.policies import Statistics, policy_of
 
 # The arguments of the constructors, which the files hold, as the manuals list them.
 ALL = "gamma learning_rate seed verbose use_sde observation_space action_space n_envs"
@@ -126,8 +124,8 @@ def test_a_policy_class_of_the_user_hides_no_algorithm(name: str) -> None:
 
 
 def test_every_algorithm_of_the_table_is_tested_and_known() -> None:
-    assert {*FILES, "DDPG", "MaskablePPO"} == set(saved.ALGORITHMS)
-    assert {name: row[0] for name, row in saved.ALGORITHMS.items()} == {
+    assert {*FILES, "DDPG", "MaskablePPO"} == set(policies.ALGORITHMS)
+    assert {name: row[0] for name, row in policies.ALGORITHMS.items()} == {
         name: package for package, names in PACKAGES.items() for name in names
     }
 
@@ -154,13 +152,13 @@ def test_a_policy_remembers_during_an_episode_and_forgets_between_episodes() -> 
             "sb3:odd.zip",
             (
                 "the algorithm of odd.zip is unknown; write sb3:ALGORITHM:odd.zip, where ALGORITHM "
-                f"is {', '.join(saved.ALGORITHMS)} or module.Class"
+                f"is {', '.join(policies.ALGORITHMS)} or module.Class"
             ),
         ),
         (
             "sb3:SAK:odd.zip",
             (
-                f"expected an algorithm of Stable-Baselines3, {', '.join(saved.ALGORITHMS)}, or "
+                f"expected an algorithm of Stable-Baselines3, {', '.join(policies.ALGORITHMS)}, or "
                 "module.Class, got 'SAK'; did you mean 'SAC'?"
             ),
         ),
@@ -243,7 +241,7 @@ def test_a_model_of_another_environment_is_refused(
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saved, "find_spec", lambda _name: None)
+    monkeypatch.setattr(policies, "find_spec", lambda _name: None)
     assert refusal(f"sb3:{write('t.zip', *FILES['TRPO'])}") == (
         "a model of TRPO needs sb3-contrib: pip install sb3-contrib"
     )
@@ -294,7 +292,7 @@ def test_models_with_other_statistics_are_told_apart() -> None:
         seen = {str(i): SimpleNamespace(mean=mean, var=1.0) for i, mean in enumerate(means)}
         normalizer.obs_rms = seen if len(seen) > 1 else seen.get("0")
         statistics = Statistics(pickle.dumps(normalizer))
-        return models.Model(SimpleNamespace(name="PPO"), statistics=statistics).fingerprint
+        return policies.Model(SimpleNamespace(name="PPO"), statistics=statistics).fingerprint
 
     result = [fingerprint(), fingerprint(0.0), fingerprint(0.5), fingerprint(0.5, 0.0)]
     assert result[0] == "PPO"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rtamt import InputError
-from rtamt_gym.checks.plugins import plugins
+from rtamt_gym.checks.extras import plugins
 from rtamt_gym.recorded.readers import formats
 from rtamt_gym.search.falsification.optimizers import optimizers
 

@@ -6,7 +6,10 @@ a cluster. Therefore a run that kills its process does not end a worker.
 
 from __future__ import annotations
 
+import faulthandler
 import os
+import pickle
+import select
 import signal
 import subprocess
 import sys
@@ -14,12 +17,13 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from multiprocessing.connection import Pipe
+from multiprocessing.connection import Connection, Pipe
 from threading import Lock
-from typing import Final
+from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.play.loop import Task
+from rtamt_gym.recorded.progress import silence
 from rtamt_gym.results.trial import Trial
 
 _IDLE: Final = 60.0
@@ -121,7 +125,7 @@ class _Process:
         path = list(dict.fromkeys([*setup.path, *sys.path]))
         code = (
             f"import sys; sys.path[:] = {path!r}\n"
-            f"from rtamt_gym.play.child import main; main{(*passed, _IDLE)!r}"
+            f"from rtamt_gym.play.workers import main; main{(*passed, _IDLE)!r}"
         )
         threads = dict.fromkeys(_THREADS, str(setup.threads))
         try:
@@ -234,3 +238,59 @@ def _drop(name: str, process: _Process) -> None:
     process.free()
     with _lock:
         _all.get(name, set()).discard(process)
+
+
+_EVERY: Final = 0.05
+"""Seconds between messages with rows; if the process dies, later rows run again."""
+
+
+class Making:
+    """Whether this process is making its runner, which may import modules of the user."""
+
+    now = False
+
+
+def main(pipe: int, alive: int, idle: float) -> None:
+    """Run tasks until there are no more; ``pipe`` and ``alive`` are file descriptors."""
+    _end_with(alive)
+    faulthandler.enable()  # prints on stderr where a simulation crashed
+    silence()
+    connection = Connection(pipe)
+    Making.now = True
+    try:
+        recipe: Any = pickle.loads(connection.recv_bytes())  # noqa: S301 - of our own parent
+        runner = recipe.runner()
+    except Exception as error:  # noqa: BLE001 - the parent raises it
+        connection.send(f"{type(error).__name__}: {error}")
+        return
+    Making.now = False
+    connection.send("")
+    with runner, suppress(EOFError):  # the pipe may end before `alive` does
+        while connection.poll(idle):
+            tasks, above = connection.recv()
+            if not tasks:
+                break
+            cases, seeds = zip(*tasks, strict=True)
+            own_seeds = None if seeds[0] is None else seeds  # of a system that takes seeds
+            rows: list[Any] = []
+            sent = time.monotonic()
+            for over in runner.run(cases, own_seeds, above=above):
+                rows.append(over)
+                if (now := time.monotonic()) - sent >= _EVERY:
+                    connection.send((rows, False))
+                    rows, sent = [], now
+            connection.send((rows, True))
+
+
+def _end_with(alive: int) -> None:
+    """End this process and its children as soon as its parent ends.
+
+    The operating system sends a signal, because no Python code runs while a simulation hangs in C.
+    """
+    import fcntl
+
+    signal.signal(signal.SIGIO, signal.SIG_DFL)
+    fcntl.fcntl(alive, fcntl.F_SETOWN, -os.getpgrp())
+    fcntl.fcntl(alive, fcntl.F_SETFL, fcntl.fcntl(alive, fcntl.F_GETFL) | os.O_ASYNC)
+    if select.select([alive], [], [], 0)[0]:  # the parent has ended already
+        sys.exit(1)
