@@ -1,9 +1,9 @@
-"""How long `rtamt check` takes, and how often its witnesses are what the monitors say.
+"""The time of `rtamt check`, and a check of its witnesses with the monitors.
 
 ``python tests/bench/checking.py`` checks every specification of the repository (files, scenarios,
-golden cases) and some that are generated, each with the default horizon, and prints those that
-take a second or more and those of which something is unknown, with the cause; then 50 requirements
-in pairs. Times are those of the processor. Witnesses are judged once more, by `rtamt.judge`.
+golden cases) and generated ones with the default horizon. It prints the specifications that take at
+least one second or have an unknown answer, with the cause, and then 50 pairs of requirements. Times
+are processor times. `rtamt.judge` judges every witness again.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ GOLDEN = ("discrete", "episode", "evidence", "verdict")
 
 
 def written(most: int) -> Iterator[tuple[str, rtamt.Specification, float | str | None]]:
-    """The specifications of the repository, each with a period."""
+    """Return the specifications of the repository, each with a period."""
     for pattern in FILES:
         for path in sorted(ROOT.glob(pattern)):
             yield str(path.relative_to(ROOT)), rtamt.load(path), "100ms"
     for name in SCENARIOS:
-        found = scenario_of(name)
-        yield name, rtamt.parse(found.requirements), found.period
+        scenario = scenario_of(name)
+        yield name, rtamt.parse(scenario.requirements), scenario.period
     for name in GOLDEN:
-        kept = json.loads((ROOT / "tests" / "golden" / f"{name}.json").read_text())
-        cases = kept["cases"] if isinstance(kept, dict) else kept
+        cases = json.loads((ROOT / "tests" / "golden" / f"{name}.json").read_text())
+        cases = cases["cases"] if isinstance(cases, dict) else cases
         texts = dict.fromkeys(case["formula"] for case in cases)
         for i, text in enumerate([*texts][:most]):
             yield f"{name}.json {i}", rtamt.parse(text), None
@@ -44,7 +44,7 @@ def written(most: int) -> Iterator[tuple[str, rtamt.Specification, float | str |
 def generated(
     seed: int, count: int
 ) -> Iterator[tuple[str, rtamt.Specification, float | str | None]]:
-    """Formulas of two variables with short windows and windows without an end."""
+    """Return formulas of two variables with short windows and with unbounded windows."""
     chance = random.Random(seed)
 
     def interval() -> str:
@@ -73,26 +73,29 @@ def generated(
 
 
 def agrees(
-    found: rtamt.checking.Check, specs: dict[str, rtamt.Specification], period: float | str | None
+    result: rtamt.checking.Check, specs: dict[str, rtamt.Specification], period: float | str | None
 ) -> int:
-    """How many witnesses the monitors judge as shown; raises at the first that they do not."""
+    """Return the number of witnesses; raise AssertionError if the monitors disagree with one."""
     count = 0
-    for name, each in found.requirements.items():
-        ways = (each.satisfiable, Verdict.SATISFIED), (each.falsifiable, Verdict.VIOLATED)
-        for answer, verdict in ways:
+    for name, requirement in result.requirements.items():
+        questions = (
+            (requirement.satisfiable, Verdict.SATISFIED),
+            (requirement.falsifiable, Verdict.VIOLATED),
+        )
+        for answer, verdict in questions:
             if answer.trace is None or answer.trace.loop:
                 continue
             columns = {v: answer.trace.unrolled(v) for v in specs[name].variables}
             n = None if columns else answer.trace.samples
             judged = judge(specs[name], columns, period, end="cut", n=n).verdict
             if judged is not verdict:
-                raise AssertionError(f"{name}: {judged}, expected {verdict}: {each.text}")
+                raise AssertionError(f"{name}: {judged}, expected {verdict}: {requirement.text}")
             count += 1
     return count
 
 
 def pairs(count: int) -> dict[str, str]:
-    """Requirements on few variables, so that most pairs have one in common."""
+    """Return requirements on few variables, so that most pairs share a variable."""
     chance = random.Random(1)
     bound, floor, late = "always(v{0} < {3})", "v{0} > {4}", "[0:{5}](v{1} < {3}))"
     kinds = (
@@ -112,32 +115,36 @@ def pairs(count: int) -> dict[str, str]:
 
 
 def main() -> None:
-    """Prints what was measured."""
+    """Print the measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--golden", type=int, default=25, help="golden cases of each file")
     parser.add_argument("--generated", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--pairs", type=int, default=50)
     options = parser.parse_args()
-    for what, specs in (
+    for title, specs in (
         ("of the repository", written(options.golden)),
         ("generated", generated(options.seed, options.generated)),
     ):
-        times, said, judged = [], {"yes": 0, "no": 0, "unknown": 0}, 0
+        times, counts, judged = [], {"yes": 0, "no": 0, "unknown": 0}, 0
         for name, spec, period in specs:
             begin = time.process_time()
             try:
-                found = rtamt.check(spec, period)
+                result = rtamt.check(spec, period)
             except rtamt.RtamtError as error:
                 print(f"  refused   {name}: {str(error).splitlines()[0]}")
                 continue
-            times.append((time.process_time() - begin) / len(found.requirements))
-            judged += agrees(found, dict(spec.requirements), period)
-            for one, each in found.requirements.items():
-                said[each.answer] += 1
-                if each.answer == "unknown":
-                    answers = (each.satisfiable, each.falsifiable, *each.triggers.values())
-                    whys = {*each.unknown.values(), *(a.why for a in answers)} - {""}
+            times.append((time.process_time() - begin) / len(result.requirements))
+            judged += agrees(result, dict(spec.requirements), period)
+            for one, requirement in result.requirements.items():
+                counts[requirement.answer] += 1
+                if requirement.answer == "unknown":
+                    answers = (
+                        requirement.satisfiable,
+                        requirement.falsifiable,
+                        *requirement.triggers.values(),
+                    )
+                    whys = {*requirement.unknown.values(), *(a.why for a in answers)} - {""}
                     print(f"  unknown   {name} {one}: {'; '.join(sorted(whys))}")
             if times[-1] >= 1:
                 print(f"  {times[-1]:6.2f} s  {name}: {str(spec.formula)[:100]}")
@@ -145,17 +152,19 @@ def main() -> None:
             continue
         times.sort()
         print(
-            f"{what}: {len(times)} specifications, {said}, median {times[len(times) // 2]:.3f} s, "
-            f"greatest {times[-1]:.2f} s; {judged} witnesses judged, all as shown",
+            f"{title}: {len(times)} specifications, {counts}, "
+            f"median {times[len(times) // 2]:.3f} s, maximum {times[-1]:.2f} s; "
+            f"{judged} witnesses, all confirmed by the monitors",
             flush=True,
         )
     if options.pairs:
         begin = time.process_time()
-        found = rtamt.check(pairs(options.pairs))
+        result = rtamt.check(pairs(options.pairs))
         took = time.process_time() - begin
         print(
-            f"{options.pairs} requirements in pairs: {took:.1f} s, says {found.answer}, "
-            f"{len(found.implied)} implied, {len(found.equal)} equal, {len(found.unknown)} unknown"
+            f"{options.pairs} requirements in pairs: {took:.1f} s, answer {result.answer}, "
+            f"{len(result.implied)} implied, {len(result.equal)} equal, "
+            f"{len(result.unknown)} unknown"
         )
 
 

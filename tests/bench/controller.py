@@ -1,4 +1,4 @@
-"""Runs subjects in processes of their own, in turns, so that all see the same machine."""
+"""Run subjects in processes of their own, in turns, so that all run under the same load."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from typing import Any
 HERE = Path(__file__).parent
 MODULES = {"sentil": "sentil_peer", "mstlo": "mstlo_peer", "reelay": "reelay_peer"}
 PATIENCE = 45.0
-"""Seconds after which a figure is given up."""
+"""Seconds after which a measurement is abandoned."""
 
 
 class LeftOut(Exception):  # noqa: N818 - an outcome, not a fault
-    """There is no figure; the message says why."""
+    """A figure is missing; the message is the reason."""
 
 
 @dataclass
 class Subject:
-    """A process that measures one tool; started when it is first asked."""
+    """A process that measures one tool. The first request starts it."""
 
     python: str
     module: str
@@ -32,10 +32,10 @@ class Subject:
     process: subprocess.Popen[bytes] | None = None
 
     def ask(self, request: object) -> Any:  # noqa: ANN401 - what JSON holds
-        """The answer to a request.
+        """Return the answer to a request.
 
         Raises:
-            LeftOut: If the subject fails, or takes longer than its time.
+            LeftOut: If the subject fails or exceeds the time limit.
         """
         if self.process is None:
             self.process = subprocess.Popen(
@@ -65,17 +65,17 @@ class Subject:
         return answer
 
     def stop(self) -> str:
-        """End the process; the last line that it wrote to standard error."""
+        """End the process; return the last line of its standard error."""
         if self.process is None:
             return ""
         self.process.kill()
-        _, said = self.process.communicate()
+        _, output = self.process.communicate()
         self.process = None
-        return said.decode(errors="replace").strip().rpartition("\n")[2] or "ended silently"
+        return output.decode(errors="replace").strip().rpartition("\n")[2] or "ended silently"
 
 
 def single_threaded() -> dict[str, str]:
-    """The environment of every subject."""
+    """Return the environment variables of every subject."""
     return dict(os.environ) | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -88,24 +88,24 @@ class Setting:
     quick: bool
 
     def project(self, module: str = "rtamt_online") -> Subject:
-        """A new process of the project."""
+        """Return a new process of the project."""
         return Subject(sys.executable, module)
 
     def reference(self) -> Subject | None:
-        """A new process of the floor, where there is one."""
+        """Return a new process of the floor; None without a floor."""
         if self.floor is None:
             return None
         path = os.pathsep.join(filter(None, (str(self.floor), os.environ.get("PYTHONPATH"))))
         return Subject(sys.executable, "c", {"PYTHONPATH": path})
 
     def subjects(self) -> dict[str, Subject]:
-        """One new process for each column of a table of updates."""
-        found = {"native": self.project(), "python": self.project()}
+        """Return a new process for each column of a table of updates."""
+        subjects = {"native": self.project(), "python": self.project()}
         if floor := self.reference():
-            found["floor"] = floor
+            subjects["floor"] = floor
         for peer, python in self.peers.items():
-            found[peer] = Subject(python, MODULES[peer])
-        return found
+            subjects[peer] = Subject(python, MODULES[peer])
+        return subjects
 
 
 Figures = dict[str, list[float]]
@@ -114,12 +114,12 @@ Figures = dict[str, list[float]]
 def race(
     entries: dict[str, tuple[Subject, dict[str, Any]]], repeats: int, notes: dict[str, str]
 ) -> Figures:
-    """The least figures of some repeats for every entry, measured in turns.
+    """Return the minimum figures of each entry over several repeats, measured in turns.
 
     Args:
-        entries: By column: who measures, and the case.
-        repeats: How often.
-        notes: Gets the reason, by column, where there is no figure.
+        entries: The subject and the case of each column.
+        repeats: The number of repeats.
+        notes: Receives the reason for each missing figure, by column.
     """
     best: Figures = {}
     for turn in range(-1, repeats):

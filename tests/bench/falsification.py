@@ -1,17 +1,17 @@
-"""Counts the simulations that optimizers need to violate the requirements of two benchmarks.
+"""Count the simulations that optimizers need to violate the requirements of two benchmarks.
 
-Rows are requirements of the automatic transmission and of the chasing cars, columns optimizers, by
-20 seeds each: how often a violation was found, by how many simulations, and how many simulated
-seconds and milliseconds of the processor that took. psy-taliro's optimizers get the robustness in
-its own units, which is what its users give them; all get the same spaces.
+Rows are requirements of the automatic transmission and of the chasing cars; columns are optimizers
+with 20 seeds each. A row shows the number of searches that found a violation, and the mean number
+of simulations, simulated seconds and processor milliseconds. The optimizers of psy-taliro get the
+robustness in its own units, as from their users. All optimizers search the same spaces.
 
-    python tests/bench/falsification.py run portfolio random cma  # what is not in the file yet
+    python tests/bench/falsification.py run portfolio random cma  # searches without a result
     python tests/bench/falsification.py run portfolio --seeds 100:120 --into tuned.csv
     python tests/bench/falsification.py table
     python tests/bench/falsification.py speed  # milliseconds a run in entries
 
-Results stand in ``results/falsification.csv``, a line for each search; a search that has one there
-is not run again. Needs the extra ``search``, psy-taliro for its two columns and Optuna for ``tpe``.
+``results/falsification.csv`` has a line for each search. A search with a line is not repeated.
+Needs the extra ``search``, psy-taliro for its two columns and Optuna for ``tpe``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ CARS, TRANSMISSION = "rtamt/ChasingCars-v0", "rtamt/AutomaticTransmission-v0"
 
 
 class Row(NamedTuple):
-    """A requirement of the table: its system, the budget and the length of a whole run."""
+    """A requirement of the table, with its system, budget and duration of a simulation."""
 
     system: str
     budget: int
@@ -77,7 +77,7 @@ class Search(NamedTuple):
 
 
 class Asked:
-    """What an optimizer of psy-taliro asks: points of the unit cube, one by one or many."""
+    """A request of an optimizer of psy-taliro: one or many points of the unit cube."""
 
     def __init__(self, evaluate: Callable[[Any], Floats]) -> None:
         self._evaluate = evaluate
@@ -92,7 +92,7 @@ class Asked:
 
 
 def of_taliro(name: str) -> Callable[[Any, int, np.random.Generator], None]:
-    """An optimizer of psy-taliro as `falsify` calls one."""
+    """Return an optimizer of psy-taliro in the form that `falsify` expects."""
 
     def optimize(evaluate: Any, dimension: int, rng: np.random.Generator) -> None:  # noqa: ANN401
         from staliro import optimizers
@@ -126,20 +126,21 @@ COLUMNS = (
 
 
 ONE_BY_ONE = {"dual_annealing", "tpe", "psy annealing"}
-"""Optimizers that ask for one point at a time."""
+"""Optimizers that request one point at a time."""
 
 
 def search(requirement: str, optimizer: str, seed: int) -> Search:
-    """Runs one search.
+    """Run one search.
 
-    In an entry alone, monitors take fifty times the simulation. Runs of optimizers that ask for one
-    point at a time are therefore judged at their end: the same robustness, and no run is stopped.
+    With a batch of one entry, monitors take fifty times as long as the simulation. Simulations of
+    optimizers that request one point at a time are therefore judged at their end: the robustness is
+    the same, and no simulation stops early.
     """
     system, budget, _ = ROWS[requirement]
-    whole = patch.object(searching, "prefers_offline", return_value=True)
+    offline = patch.object(searching, "prefers_offline", return_value=True)
     begin = time.process_time()
-    with whole if optimizer in ONE_BY_ONE else nullcontext():
-        found = falsify(
+    with offline if optimizer in ONE_BY_ONE else nullcontext():
+        result = falsify(
             system,
             requirement,
             budget=budget,
@@ -149,13 +150,13 @@ def search(requirement: str, optimizer: str, seed: int) -> Search:
             reduce=False,
         )
     took = 1000 * (time.process_time() - begin)
-    simulated = round(found.simulated_time, 2)
-    counts = (int(found.falsified), found.simulations, simulated, round(took, 1))
+    simulated = round(result.simulated_time, 2)
+    counts = (int(result.falsified), result.simulations, simulated, round(took, 1))
     return Search(requirement, optimizer, seed, budget, *counts)
 
 
 def read(path: Path) -> list[Search]:
-    """The searches that are in a file."""
+    """Return the searches in a file."""
     if not path.exists():
         return []
     with path.open(newline="") as file:
@@ -163,15 +164,15 @@ def read(path: Path) -> list[Search]:
 
 
 def run(path: Path, optimizers: Sequence[str], rows: Sequence[str], seeds: range) -> None:
-    """Runs the searches that are not in a file yet, and adds them, each as soon as it is over."""
-    done = {each[:3] for each in read(path)}
+    """Run the searches that are not in a file, and append each result at once."""
+    done = {row[:3] for row in read(path)}
     if not done:
         path.write_text(",".join(Search._fields) + "\n")
     for optimizer in optimizers:
         for requirement in rows:
             left = [seed for seed in seeds if (requirement, optimizer, seed) not in done]
             if left:
-                falsify(ROWS[requirement].system, requirement, budget=1)  # compiles the model
+                falsify(ROWS[requirement].system, requirement, budget=1)  # compile the model
             for seed in left:
                 with path.open("a", newline="") as file:
                     csv.writer(file, lineterminator="\n").writerow(
@@ -187,11 +188,11 @@ HEAD = (
 
 
 def table(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[str]) -> list[str]:
-    """The table, a line for each requirement and optimizer."""
+    """Print the table, with a line for each requirement and optimizer."""
     lines = [HEAD]
     for requirement in rows:
         for optimizer in optimizers:
-            own = [each for each in searches if each[:2] == (requirement, optimizer)]
+            own = [row for row in searches if row[:2] == (requirement, optimizer)]
             if own:
                 lines.append(line(requirement, optimizer, own))
     return lines
@@ -205,13 +206,13 @@ HEADS = {
 
 
 def means(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[str]) -> list[str]:
-    """A column for each optimizer: the mean simulations, and how many found it if not all did."""
+    """Print the mean number of simulations of each optimizer, and how many searches succeeded."""
     lines = [f"{'':5}" + "".join(f"{HEADS.get(name, name):>10}" for name in optimizers)]
     for requirement in rows:
         cells = [requirement.ljust(5)]
         for optimizer in optimizers:
-            own = [each for each in searches if each[:2] == (requirement, optimizer)]
-            counts = [each.simulations for each in own if each.falsified]
+            own = [row for row in searches if row[:2] == (requirement, optimizer)]
+            counts = [row.simulations for row in own if row.falsified]
             share = "" if len(counts) == len(own) else f" {len(counts)}/{len(own)}"
             cells.append(f"{f'{mean(counts):.0f}' if counts else '-'}{share}".rjust(10))
         lines.append("".join(cells))
@@ -219,21 +220,21 @@ def means(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[
 
 
 def line(requirement: str, optimizer: str, own: Sequence[Search]) -> str:
-    """A line of the table: seconds and milliseconds count failures too."""
-    counts = [each.simulations for each in own if each.falsified]
+    """Return a line of the table; seconds and milliseconds include failed searches."""
+    counts = [row.simulations for row in own if row.falsified]
     average, middle = (mean(counts), median(counts)) if counts else (math.nan, math.nan)
-    stopped = mean(each.simulated for each in own)
-    whole = mean(each.simulations for each in own) * ROWS[requirement].whole
-    cost = sum(each.milliseconds for each in own) / sum(each.simulations for each in own)
-    found = f"{len(counts)}/{len(own)}"
+    stopped = mean(row.simulated for row in own)
+    seconds = mean(row.simulations for row in own) * ROWS[requirement].whole
+    cost = sum(row.milliseconds for row in own) / sum(row.simulations for row in own)
+    share = f"{len(counts)}/{len(own)}"
     return (
-        f"{requirement:5} {optimizer:22} {found:>7} {average:6.1f} {middle:6.4g} {stopped:8.0f} "
-        f"{whole:8.0f} {cost:5.1f}"
+        f"{requirement:5} {optimizer:22} {share:>7} {average:6.1f} {middle:6.4g} {stopped:8.0f} "
+        f"{seconds:8.0f} {cost:5.1f}"
     )
 
 
 def speed(rows: Sequence[str], entries: int = 100) -> None:
-    """Prints milliseconds of the processor a run of random inputs, in entries and with monitors."""
+    """Print processor milliseconds per random simulation, in batches and with monitors."""
     print(f"{'':5} {'ms a run':>9}   to the violation or the end, {entries} entries")
     for requirement in rows:
         with Runner(
@@ -242,7 +243,7 @@ def speed(rows: Sequence[str], entries: int = 100) -> None:
             space = Space(runner.inputs, duration=ROWS[requirement].whole)
             points = np.random.default_rng(0).random((entries, space.dimension))
             cases = [space.case(point) for point in points]
-            dict(runner.run(cases, range(entries)))  # compiles the model
+            dict(runner.run(cases, range(entries)))  # compile the model
             took = []
             for _ in range(3):
                 begin = time.process_time()
@@ -258,16 +259,21 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", default=list(ROWS))
     parser.add_argument("--seeds", default="0:20", help="FIRST:END")
     parser.add_argument("--into", type=Path, default=RESULTS)
-    given = parser.parse_args()
-    if given.what == "run":
-        run(given.into, given.optimizers, given.rows, range(*map(int, given.seeds.split(":"))))
-    elif given.what == "table":
-        searches = read(given.into)
-        there = [name for name in given.optimizers if any(each[1] == name for each in searches)]
-        print(*table(searches, there, given.rows), "", sep="\n")
-        print(*means(searches, there, given.rows), sep="\n")
+    options = parser.parse_args()
+    if options.what == "run":
+        run(
+            options.into,
+            options.optimizers,
+            options.rows,
+            range(*map(int, options.seeds.split(":"))),
+        )
+    elif options.what == "table":
+        searches = read(options.into)
+        there = [name for name in options.optimizers if any(row[1] == name for row in searches)]
+        print(*table(searches, there, options.rows), "", sep="\n")
+        print(*means(searches, there, options.rows), sep="\n")
     else:
-        speed(given.rows)
+        speed(options.rows)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Steps a second of EnvPool and PufferLib with CartPole, bare and under a vector monitor.
+"""Steps per second of EnvPool and PufferLib with CartPole, bare and with a vector monitor.
 
-Run it in an environment with both, as `tests/learners/envpool.txt` and `pufferlib.txt` list them:
-`python tests/bench/fast_environments.py`. What is compared takes turns in one process, and a figure
-is the best of its rounds. A step is one of one environment. Actions are random, so poles fall, and
-the ends of episodes are in the figures; the policy of a learner is not. Nothing is asserted.
+Run `python tests/bench/fast_environments.py` in an environment with both packages, as listed in
+`tests/learners/envpool.txt` and `pufferlib.txt`. Subjects take turns in one process, and a figure
+is the best of its rounds. Steps are counted per environment. Actions are random, so poles fall and
+the figures include the ends of episodes, but no policy. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ HELD = {"at_termination": "failure", "period": 1}
 
 
 def envpool_bare(num: int) -> Any:  # noqa: ANN401
-    """EnvPool's CartPole on two threads."""
+    """Return EnvPool's CartPole on two threads."""
     import envpool
 
     return envpool.make_gymnasium("CartPole-v1", num_envs=num, seed=1, num_threads=2)
 
 
 def puffer_bare(num: int) -> Any:  # noqa: ANN401
-    """Gymnasium's CartPole in PufferLib, one after the other in this process."""
+    """Return Gymnasium's CartPole in PufferLib, in this process."""
     import pufferlib.emulation
     import pufferlib.vector
 
@@ -47,26 +47,26 @@ def puffer_bare(num: int) -> Any:  # noqa: ANN401
 
 
 def gymnasium_bare(num: int) -> Any:  # noqa: ANN401
-    """Gymnasium's own CartPole of many."""
+    """Return Gymnasium's own vectorized CartPole."""
     return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
 
 
 def monitored(env: Any, count: int) -> Any:  # noqa: ANN401
-    """The environment under so many requirements."""
+    """Return the environment with a number of requirements."""
     from rtamt_gym import VectorStlMonitor
 
     return VectorStlMonitor(env, dict(list(SPECS.items())[:count]), SIGNALS, **HELD)
 
 
 def rewarded(env: Any) -> Any:  # noqa: ANN401
-    """The environment with the rewards of one requirement."""
+    """Return the environment with the rewards of one requirement."""
     from rtamt_gym import VectorStlReward
 
     return VectorStlReward(env, SPECS["upright"], SIGNALS, mode="add", **HELD)
 
 
 def shared(env: Any) -> Any:  # noqa: ANN401
-    """The same, with the rewards written into PufferLib's array."""
+    """Return the same environment, with rewards in PufferLib's array."""
     from rtamt_gym.wrappers import SharedBuffers
 
     return SharedBuffers(rewarded(env))
@@ -80,11 +80,11 @@ KINDS: dict[str, Callable[[int], Any]] = {
 
 
 def steps_a_second(env: Any, num: int, actions: Any) -> float:  # noqa: ANN401
-    """Steps of environments a second in one round."""
+    """Return environment steps per second in one round."""
     env.reset()
     begin = time.perf_counter()
-    for each in actions:
-        env.step(each)
+    for action in actions:
+        env.step(action)
     return num * len(actions) / (time.perf_counter() - begin)
 
 
@@ -110,7 +110,7 @@ def main() -> None:
             for _ in range(rounds):
                 for k, env in enumerate(envs):
                     best[k] = max(best[k], steps_a_second(env, num, actions))
-            cells = " | ".join(f"{each / 1e3:,.0f} k" for each in best)
+            cells = " | ".join(f"{speed / 1e3:,.0f} k" for speed in best)
             print(f"| {kind}, {num:,} | {cells} |", flush=True)
 
 

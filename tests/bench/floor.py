@@ -1,4 +1,4 @@
-"""The floor: what the same work costs in C, compiled on the spot."""
+"""The floor: the cost of the same work in C, compiled at the start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HERE = Path(__file__).parent / "c"
 
 
 def build(folder: Path) -> str | None:
-    """Compile the floor into a folder; None, or why there is no floor."""
+    """Compile the floor into a folder; return the reason if that fails, otherwise None."""
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return "no C compiler"

@@ -1,9 +1,9 @@
-"""What a step of an exported monitor costs over a step of a unit that does nothing.
+"""The cost of a step of an exported monitor, compared with an FMU that does nothing.
 
-A step sets two inputs, makes a step of the period, and reads robustness, bounds and verdict, all
-through the functions of C. ``python tests/bench/fmu.py`` prints nanoseconds; ``instructions``
-behind it counts instructions of the processor with valgrind instead, which is slow and exact.
-Over dense time a step is a tick, so that windows are as many steps long as the numbers say.
+A step sets two inputs, steps the period, and reads robustness, bounds and verdict, all through C
+functions. ``python tests/bench/fmu.py`` prints nanoseconds. With the argument ``instructions`` it
+counts processor instructions with valgrind, which is slow and exact. In dense time a step is a
+tick, so a window of n numbers is n steps long.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ DENSE = {
 
 
 def compiled(folder: Path) -> tuple[Path, Path]:
-    """The driver, and the unit that does nothing."""
+    """Return the driver and the FMU that does nothing."""
     driver, empty = folder / "driver", folder / "empty.so"
     shared = ["-shared", "-fPIC", "-fvisibility=hidden"]
     for source, target, flags in (("driver", driver, []), ("empty", empty, shared)):
@@ -50,22 +50,22 @@ def compiled(folder: Path) -> tuple[Path, Path]:
 
 
 def nanoseconds(command: list[str]) -> float:
-    """The least time of a step."""
-    given = [*command, "50000", "40"]
-    done = subprocess.run(given, check=True, capture_output=True, text=True)
+    """Return the minimum time of a step."""
+    arguments = [*command, "50000", "40"]
+    done = subprocess.run(arguments, check=True, capture_output=True, text=True)
     return float(done.stdout.split()[0])
 
 
 def instructions(command: list[str]) -> float:
-    """Instructions of a step: those of a long run less those of a short one."""
+    """Return the instructions of a step: the difference between a long and a short run."""
     counted = []
     for steps in (20_000, 60_000):
         tool = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
-        given = [*tool, *command, str(steps), "1"]
-        done = subprocess.run(given, check=True, capture_output=True, text=True)
-        found = re.search(r"Collected : (\d+)", done.stderr)
-        assert found, done.stderr
-        counted.append(int(found[1]))
+        arguments = [*tool, *command, str(steps), "1"]
+        done = subprocess.run(arguments, check=True, capture_output=True, text=True)
+        match = re.search(r"Collected : (\d+)", done.stderr)
+        assert match, done.stderr
+        counted.append(int(match[1]))
     return (counted[1] - counted[0]) / 40_000
 
 

@@ -1,8 +1,8 @@
-"""The cost of a live view for a step; needs rerun-sdk. Usage: python tests/bench/live.py
+"""The cost of a live view per step; needs rerun-sdk. Usage: python tests/bench/live.py
 
-Prints microseconds of the processor for a step, the minimum of several runs: without a view, with
-a view that writes a file and with one that has a viewer too, and for pictures. They include the
-thread that sends. The viewer is a process of its own.
+Prints processor microseconds per step, the minimum of several runs: without a view, with a view
+that writes a file, with a view and a viewer, and for pictures. They include the sending thread. The
+viewer is a process of its own.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ STEPS, EPISODE, REPEATS = 60_000, 500, 4
 
 
 class Cheap(gym.Env[Any, Any]):
-    """An environment whose steps cost nothing."""
+    """An environment with a step of negligible cost."""
 
     observation_space = gym.spaces.Box(-9, 9, (4,), np.float32)
     action_space = gym.spaces.Discrete(2)
@@ -58,7 +58,7 @@ class Cheap(gym.Env[Any, Any]):
 
 
 def send(live: Any) -> None:
-    """Send what waits, so that the time has all of its cost."""
+    """Send the queued data, so that the time includes its full cost."""
     if live is not None:
         live.send()
 

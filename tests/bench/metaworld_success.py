@@ -1,14 +1,14 @@
-"""Records episodes of Meta-World's scripted policies, and counts successes by every reading.
+"""Record episodes of Meta-World's scripted policies, and count successes by every definition.
 
     python tests/bench/metaworld_success.py record FOLDER --jobs 2         # the study, 900 episodes
     python tests/bench/metaworld_success.py record FOLDER --all --seeds 8  # all 50 tasks
     python tests/bench/metaworld_success.py count FOLDER
 
-``record`` needs Meta-World and ``packaging`` alone: ``pip install metaworld packaging`` brings them
-with the MuJoCo that Meta-World pins; another MuJoCo is installed after it. A file for each task,
-variant and version of MuJoCo holds the flags and the observations of its episodes. ``count`` reads
-these files; its counts by hand share no code with the readings, and it says how many of the
-monitors' verdicts are others.
+``record`` needs only Meta-World and ``packaging``: ``pip install metaworld packaging`` installs
+them with the MuJoCo version that Meta-World pins. Install another MuJoCo afterwards. There is a
+file for each task, variant and MuJoCo version, with the flags and observations of its episodes.
+``count`` reads these files. Its counts by hand share no code with the definitions of rtamt, and it
+prints how many verdicts of the monitors differ.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ TASKS: Final = (
 """The tasks of the study."""
 
 VARIANTS: Final = ("scripted", "noise 0.1", "noise 0.3", "noise 0.5", "half speed")
-"""The scripted policy; with normal noise on its actions; with its ways halved."""
+"""The scripted policy; with normal noise on its actions; with actions of half the size."""
 
 HOLD: Final = 40
 """0.5 s in steps of 12.5 ms."""
 
 
 def acting(variant: str, policy: Any, rng: np.random.Generator) -> Any:  # noqa: ANN401
-    """The policy of a variant."""
+    """Return the policy of a variant."""
     noise = float(variant.split()[1]) if variant.startswith("noise") else 0.0
     scale = np.array([0.5, 0.5, 0.5, 1.0]) if variant == "half speed" else 1.0
 
@@ -54,7 +54,7 @@ def acting(variant: str, policy: Any, rng: np.random.Generator) -> Any:  # noqa:
 
 
 def record(folder: Path, seeds: int, job: tuple[str, str]) -> str:
-    """Records the episodes of a task and a variant into a file; one that is there stays."""
+    """Record the episodes of a task and a variant; an existing file stays."""
     import metaworld
     import mujoco
     from metaworld.policies import ENV_POLICY_MAP
@@ -66,7 +66,7 @@ def record(folder: Path, seeds: int, job: tuple[str, str]) -> str:
     warnings.simplefilter("ignore")
     benchmark = metaworld.MT1(name, seed=0)
     env = benchmark.train_classes[name]()
-    kept: dict[str, list[Any]] = {"flags": [], "observations": [], "targets": [], "joints": []}
+    episodes: dict[str, list[Any]] = {"flags": [], "observations": [], "targets": [], "joints": []}
     for seed in range(seeds):
         env.set_task(benchmark.train_tasks[seed])
         act = acting(variant, ENV_POLICY_MAP[name](), np.random.default_rng(seed))
@@ -78,21 +78,21 @@ def record(folder: Path, seeds: int, job: tuple[str, str]) -> str:
             rows.append(observation[:18])
             flags.append(int(info["success"] > 0))
             joints.append(env.data.qpos[9:].copy())
-        kept["flags"].append(np.array(flags, np.int8))
-        kept["observations"].append(np.array(rows, np.float32))
-        kept["joints"].append(np.array(joints, np.float32))
-        kept["targets"].append(np.array(env._target_pos, np.float64))
+        episodes["flags"].append(np.array(flags, np.int8))
+        episodes["observations"].append(np.array(rows, np.float32))
+        episodes["joints"].append(np.array(joints, np.float32))
+        episodes["targets"].append(np.array(env._target_pos, np.float64))
     env.close()
-    arrays: dict[str, Any] = {key: np.array(values) for key, values in kept.items()}
+    arrays: dict[str, Any] = {key: np.array(values) for key, values in episodes.items()}
     np.savez_compressed(path, dt=env.dt, **arrays)
     return path.name
 
 
 def by_hand(flags: Any) -> dict[str, bool]:  # noqa: ANN401 - an array of 0 and 1
-    """The readings of an episode's flags, counted by hand."""
+    """Return the outcomes of an episode's flags, counted by hand."""
     longest = run = 0
-    for each in flags:
-        run = run + 1 if each else 0
+    for flag_row in flags:
+        run = run + 1 if flag_row else 0
         longest = max(longest, run)
     return {
         "any": bool(flags.any()),
@@ -119,18 +119,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--all", action="store_true", help="all tasks, scripted alone")
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--jobs", type=int, default=1)
-    given = parser.parse_args(arguments)
-    if given.what == "record":
-        given.folder.mkdir(parents=True, exist_ok=True)
-        with ProcessPoolExecutor(given.jobs) as pool:
-            for line in pool.map(partial(record, given.folder, given.seeds), jobs(given)):
+    options = parser.parse_args(arguments)
+    if options.what == "record":
+        options.folder.mkdir(parents=True, exist_ok=True)
+        with ProcessPoolExecutor(options.jobs) as pool:
+            for line in pool.map(partial(record, options.folder, options.seeds), jobs(options)):
                 print(line, flush=True)
         return
-    count(given.folder)
+    count(options.folder)
 
 
 def count(folder: Path) -> None:
-    """Prints the counts of all files of a folder: by hand, and where the readings differ."""
+    """Print the counts of all files of a folder by hand, and the number of different verdicts."""
     import rtamt
     from rtamt_gym.benchmarks.metaworld import TASKS as ROWS
     from rtamt_gym.benchmarks.metaworld import done
@@ -141,20 +141,20 @@ def count(folder: Path) -> None:
     totals: dict[str, Any] = {}
     wrong = judged = 0
     for path in sorted(folder.glob("*.npz")):
-        name, _, rest = path.stem.partition(" ")
-        variant, _, version = rest.partition(" mujoco ")
+        name, _, variant_part = path.stem.partition(" ")
+        variant, _, version = variant_part.partition(" mujoco ")
         file = np.load(path)
         counts = np.zeros(5, int)
-        for place, flags in enumerate(file["flags"]):
-            found = by_hand(flags)
+        for episode, flags in enumerate(file["flags"]):
+            outcomes = by_hand(flags)
             side = flags > 0
             trace = {"success": flags.astype(float)}
             row = ROWS[name]
             if row.quantity != "flag":
-                past = past_of(row, file, place)
+                past = past_of(row, file, episode)
                 side = past >= -row.tolerance
                 trace["past"] = past
-            mine = [*found.values(), by_hand(side)["kept"]]
+            mine = [*outcomes.values(), by_hand(side)["kept"]]
             counts += mine
             formulas = [*readings("success").values(), readings(done(name))["kept"]]
             for formula, expected in zip(formulas, mine, strict=True):
@@ -162,21 +162,23 @@ def count(folder: Path) -> None:
                 wrong += (verdict is rtamt.Verdict.SATISFIED) != expected
                 judged += 1
         total = len(file["flags"])
-        print(f"{f'{name}, {variant}':44}{total:>5}", *(f"{each:>11}" for each in counts))
+        print(f"{f'{name}, {variant}':44}{total:>5}", *(f"{total_of:>11}" for total_of in counts))
         before, many = totals.get(version, (np.zeros(5, int), 0))
         totals[version] = before + counts, many + total
     for version, (counts, total) in totals.items():
-        print(f"{f'all, MuJoCo {version}':44}{total:>5}", *(f"{each:>11}" for each in counts))
+        print(
+            f"{f'all, MuJoCo {version}':44}{total:>5}", *(f"{total_of:>11}" for total_of in counts)
+        )
     print(f"{judged} verdicts of the monitors, {wrong} other than counted by hand")
 
 
-def past_of(row: Any, file: Any, place: int) -> Any:  # noqa: ANN401 - a row of tasks, and arrays
-    """How far the object of an episode is past its target, by hand."""
+def past_of(row: Any, file: Any, episode: int) -> Any:  # noqa: ANN401 - a row of tasks, and arrays
+    """Return the distance of an episode's object beyond its target, by hand."""
     if row.quantity == "lever":
-        return -file["joints"][place][:, 0].astype(float) - np.pi / 2
+        return -file["joints"][episode][:, 0].astype(float) - np.pi / 2
     axis = "xyz".index(row.quantity)
-    shown = file["observations"][place][:, 4 + axis].astype(float)
-    return row.side * (shown - file["targets"][place][axis])
+    shown = file["observations"][episode][:, 4 + axis].astype(float)
+    return row.side * (shown - file["targets"][episode][axis])
 
 
 if __name__ == "__main__":

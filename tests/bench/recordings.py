@@ -2,8 +2,8 @@
 
     python tests/bench/recordings.py [--backend dask]
 
-It prints the processor time of one file in parts, the time that the model gives for two numbers of
-files, and the time that `rtamt monitor --results` takes for them, of all processes together.
+It prints the processor time of the parts of one file, and, for two numbers of files, the time that
+the model predicts and the time of `rtamt monitor --results`, summed over all processes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LIMIT = "limit = always(x < 10)"
 RESPONSE = "answered = always(a > 0.5 implies eventually[0:3](b > 0.5))"
 SIZES = (1000, 4000)
 LONG = 60_000
-"""The samples of ten minutes at 100 Hz."""
+"""The number of samples of ten minutes at 100 Hz."""
 
 
 def main() -> None:
@@ -52,18 +52,18 @@ def measure(folder: Path, backend: list[str]) -> None:
     long = [write(folder / f"long/r{i}.csv", LONG, i) for i in range(4)]
     some = paths[:200]
     specs = {text.partition(" ")[0]: rtamt.parse(text) for text in (LIMIT, RESPONSE)}
-    asked = TracesAsked(specs, EvaluationOptions(end="cut"), Columns())
-    job = FleetJob(asked, verify=False, version=version())
+    request = TracesAsked(specs, EvaluationOptions(end="cut"), Columns())
+    job = FleetJob(request, verify=False, version=version())
     runner, sent = job.runner(), pickled(job)
     tasks: Any = [(path, None) for path in some]
-    with runner, FleetFolder(folder / "rows", identity_of(asked), [*specs]) as store:
+    with runner, FleetFolder(folder / "rows", identity_of(request), [*specs]) as store:
         rows = judge_batch("bench", sent, version(), tasks)
         read = each(lambda: [pyarrow.csv.read_csv(path) for path in some], some)
-        judged = each(lambda: judge_files(asked, some, workers=1, explain=()), some)
+        judged = each(lambda: judge_files(request, some, workers=1, explain=()), some)
         copied = each(lambda: list(runner.run(tasks)), some)
         parent = each(lambda: judge_batch("bench", sent, version(), tasks), some)
         written = each(lambda: store.add(rows), some)
-        of_long = each(lambda: judge_files(asked, long, workers=1, explain=()), long)
+        of_long = each(lambda: judge_files(request, long, workers=1, explain=()), long)
     end_processes("bench")
     size = Path(long[0]).stat().st_size
     print(f"pyarrow reads a file of 200 rows    {read:8.3f} ms")
@@ -95,7 +95,7 @@ def write(path: Path, samples: int, seed: int) -> str:
 
 
 def each(run: Callable[[], object], files: list[str]) -> float:
-    """Return the minimum processor time of this process for a file, in milliseconds."""
+    """Return the minimum processor time of this process per file, in milliseconds."""
     run()
     times = []
     for _ in range(7):

@@ -1,4 +1,4 @@
-"""Tables of figures beside their target, their floor and the best peer."""
+"""Tables of figures, with their targets, floors and best peers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ WIDTH = 80
 
 @dataclass
 class Row:
-    """What was measured, by column; the target, if there is one."""
+    """The figures of a row by column, and its target if there is one."""
 
     label: str
     figures: dict[str, float]
@@ -21,7 +21,7 @@ class Row:
 
 @dataclass
 class Table:
-    """The rows of a section, all in one unit; notes say why figures are missing."""
+    """The rows of a section in one unit; the notes give reasons for missing figures."""
 
     title: str
     unit: str
@@ -58,7 +58,7 @@ class Table:
         return "\n".join(lines)
 
     def plain(self) -> dict[str, object]:
-        """The table as JSON holds it."""
+        """Return the table as JSON data."""
         return {
             "title": self.title,
             "unit": self.unit,
@@ -68,14 +68,14 @@ class Table:
 
 
 def ratio(row: Row, references: tuple[str, ...]) -> float | None:
-    """The project's first figure over the least of the references."""
+    """Return the project's first figure divided by the minimum of the references."""
     ours = next((value for name, value in row.figures.items() if name not in REFERENCES), None)
     theirs = [row.figures[name] for name in references if row.figures.get(name, 0.0) > 0.0]
     return ours / min(theirs) if ours is not None and theirs else None
 
 
 def number(value: float | None) -> str:
-    """Three digits or so, thousands as k and M; a dash where there is none."""
+    """Return a number with about three digits, thousands as k and M; a dash for None."""
     if value is None or math.isnan(value):
         return "-"
     size = abs(value)

@@ -1,9 +1,9 @@
-"""Measures the project beside its floor and its peers, in one run.
+"""Measure the project against its floor and its peers, in one run.
 
-Every tool runs in processes of its own, one at a time; tools take turns, and a figure is the least
-of its repeats. Absolute figures are those of this machine: the ratios are what to look at. "/floor"
-is the project's figure over that of the same work in C, compiled on the spot; "/peer" is over that
-of the best peer. Targets are those of the machine that they were set on. Nothing is asserted.
+Every tool runs in processes of its own, one at a time and in turns. A figure is the minimum of its
+repeats. Absolute figures depend on this machine, so look at the ratios: "/floor" is the project's
+figure divided by the same work in C, compiled at the start; "/peer" is divided by the best peer.
+Targets belong to the machine on which they were set. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SECTIONS = (
     "offline",
     "calls",
     "dense",
-    "asked",
+    "triggers",
     "occurrences",
     "many",
     "gym",

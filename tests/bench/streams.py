@@ -1,8 +1,8 @@
-"""Measures `rtamt watch`: rows a second, lines a second, and the time from a row to its line.
+"""Measure `rtamt watch`: rows per second, lines per second, and the time from a row to its line.
 
-Three variables, one requirement, in one run with what orjson alone needs for the same lines. Times
-of throughput are of the processor, since other programs share the machine; latency is by the clock.
-A figure is the best of its repeats. Nothing is asserted.
+Three variables and one requirement, compared in one run with orjson alone on the same lines.
+Throughput uses processor time, because other programs share the machine; latency uses the clock. A
+figure is the best of its repeats. Nothing is asserted.
 
 Run: python tests/bench/streams.py
 """
@@ -30,7 +30,7 @@ BLOCK = 1 << 16
 
 
 def texts(rows: int) -> tuple[bytes, bytes]:
-    """The same rows as CSV and as NDJSON."""
+    """Return the same rows as CSV and as NDJSON."""
     values = np.random.default_rng(1).random((rows, 3)).tolist()
     csv, json = ["time,speed,gap,x"], []
     for i, (speed, gap, x) in enumerate(values):
@@ -40,7 +40,7 @@ def texts(rows: int) -> tuple[bytes, bytes]:
 
 
 def watched(text: bytes, *, every: bool = False, dense: bool = False) -> None:
-    """Judge a stream, and write its lines to nowhere."""
+    """Judge a stream, and discard its output."""
 
     def emit(line: Line) -> None:
         line.to_json()
@@ -57,7 +57,7 @@ def watched(text: bytes, *, every: bool = False, dense: bool = False) -> None:
 
 
 def rate(rows: int, repeats: int, job: Callable[[], object]) -> float:
-    """Rows in a second of the processor, in the best repeat."""
+    """Return rows per second of processor time, in the best repeat."""
     best = float("inf")
     for _ in range(repeats):
         begin = time.process_time()
@@ -67,7 +67,7 @@ def rate(rows: int, repeats: int, job: Callable[[], object]) -> float:
 
 
 def latencies(seconds: float) -> list[float]:
-    """Milliseconds from a row to its line, at 1,000 rows a second."""
+    """Return milliseconds from a row to its line, at 1,000 rows per second."""
     command = [sys.executable, "-m", "rtamt_gym", "watch", SPEC, "--every"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
@@ -82,7 +82,7 @@ def latencies(seconds: float) -> list[float]:
         listener = threading.Thread(target=listen)
         process.stdin.write(b"time,speed,gap,x\n-0.001,1,1,1\n0,1,1,1\n")
         process.stdin.flush()
-        process.stdout.readline()  # it has started
+        process.stdout.readline()  # wait for the start
         process.stdout.readline()
         listener.start()
         begin = time.perf_counter()

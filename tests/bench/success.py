@@ -1,8 +1,8 @@
-"""Counts successes by hand and as learners see them, under every reading of an episode's end.
+"""Count successes by hand and as learners see them, for every end mode of an episode.
 
-``always(abs(x) < 1)`` on CartPole, 40 episodes of each policy, the same everywhere: from their
+``always(abs(x) < 1)`` on CartPole, the same 40 episodes of each policy everywhere: from their
 trajectories, without this project; in the ``EvalCallback`` of Stable-Baselines3; in the infos of a
-vector environment of monitored environments; and in those of a monitored vector environment.
+vector environment of monitored environments; and in the infos of a monitored vector environment.
 Needs Stable-Baselines3: ``pip install -c .ci/constraints.txt stable-baselines3``.
 """
 
@@ -34,17 +34,17 @@ def at_random(_obs: Any, rng: np.random.Generator) -> int:  # noqa: ANN401
 
 
 def balance(obs: Any, _rng: np.random.Generator) -> int:  # noqa: ANN401
-    """Moves the cart below the pole; where the cart is does not count."""
+    """Move the cart below the pole, at any position of the cart."""
     return int(obs[2] + 0.3 * obs[3] > 0)
 
 
 def lapse(obs: Any, rng: np.random.Generator) -> int:  # noqa: ANN401
-    """Balances, and forgets to at four of ten steps."""
+    """Balance, but skip four of ten steps."""
     return at_random(obs, rng) if rng.random() < 0.4 else balance(obs, rng)
 
 
 class Driven(gym.Wrapper[Any, Any, Any, Any]):
-    """Episodes of given seeds under a policy of its own, whatever actions it is given."""
+    """Episodes of given seeds under a policy of its own; it ignores the actions."""
 
     def __init__(self, policy: Policy, seeds: list[int]) -> None:
         super().__init__(gym.make("CartPole-v1"))
@@ -58,29 +58,31 @@ class Driven(gym.Wrapper[Any, Any, Any, Any]):
         return self._obs, info
 
     def step(self, _action: object) -> Any:  # noqa: ANN401
-        self._obs, *rest = self.env.step(self._policy(self._obs, self._rng))
-        return self._obs, *rest
+        self._obs, *result = self.env.step(self._policy(self._obs, self._rng))
+        return self._obs, *result
 
 
 def trajectories(policy: Policy) -> list[tuple[list[float], bool]]:
-    """The positions of every episode, and whether the pole fell: no monitor takes part."""
-    env, found = Driven(policy, list(range(EPISODES))), []
+    """Return the positions of every episode, and whether the pole fell, without a monitor."""
+    env, episodes = Driven(policy, list(range(EPISODES))), []
     for _ in range(EPISODES):
         positions, over = [float(env.reset()[0][0])], False
         while not over:
             obs, _, terminated, truncated, _ = env.step(None)
             positions.append(float(obs[0]))
             over = terminated or truncated
-        found.append((positions, bool(terminated)))
-    return found
+        episodes.append((positions, bool(terminated)))
+    return episodes
 
 
-def by_hand(found: list[tuple[list[float], bool]], at_termination: str, at_truncation: str) -> int:
-    """Inside of 1 m all the time, and an end that counts as a success."""
+def by_hand(
+    episodes: list[tuple[list[float], bool]], at_termination: str, at_truncation: str
+) -> int:
+    """Return whether the cart stayed within 1 m and the end counts as a success."""
     return sum(
         max(map(abs, positions)) < 1
         and (at_termination != "failure" if fell else at_truncation != "open")
-        for positions, fell in found
+        for positions, fell in episodes
     )
 
 
@@ -102,7 +104,7 @@ def entries(policy: Policy) -> list[Callable[[], Env]]:
 
 
 def in_infos(envs: gym.vector.VectorEnv[Any, Any, Any]) -> int:
-    """Successes of the first episodes of each entry, as many as the hand counts."""
+    """Return the successes of the first episodes of each entry, as many as the count by hand."""
     envs.reset()
     ended = np.zeros(ENTRIES, int)
     successes = 0
@@ -118,9 +120,9 @@ def in_infos(envs: gym.vector.VectorEnv[Any, Any, Any]) -> int:
 def main() -> None:
     print(f"{SPEC} on CartPole-v1, {EPISODES} episodes: successes")
     for policy in (at_random, lapse, balance):
-        found = trajectories(policy)
-        left = sum(max(map(abs, positions)) >= 1 for positions, _ in found)
-        fell = sum(fell for _, fell in found)
+        episodes = trajectories(policy)
+        left = sum(max(map(abs, positions)) >= 1 for positions, _ in episodes)
+        fell = sum(fell for _, fell in episodes)
         print(f"\n{policy.__name__}: {fell} fell, {left} left the 1 m around the middle")
         print("at_termination at_truncation   hand  EvalCallback  SyncVectorEnv  VectorStlMonitor")
         for ending, cut in product(("complete", "cut", "failure"), ("cut", "complete", "open")):
@@ -130,7 +132,7 @@ def main() -> None:
                 for make in entries(policy)
             ]
             counts = (
-                by_hand(found, ending, cut),
+                by_hand(episodes, ending, cut),
                 in_eval_callback(policy, options),
                 in_infos(gym.vector.SyncVectorEnv(monitored)),
                 in_infos(

@@ -1,8 +1,8 @@
-"""Mutation scores of the requirements and traces of the repository.
+"""Print mutation scores of the requirements and traces of the repository.
 
-``python tests/bench/suites.py`` prints a table with a row for each requirement of the commands that
-the pages show, on the traces of these commands, and of the suites of ``examples``. ``--survived``
-also prints the mutants that no trace kills. Needs the extra ``check``.
+``python tests/bench/suites.py`` prints a row for each requirement of the commands on the pages,
+with the traces of these commands, and of the suites of ``examples``. ``--survived`` also prints the
+mutants that no trace kills. Needs the extra ``check``.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def read(words: Sequence[str]) -> list[str]:
             options += [word, *(left.pop(0) for _ in range(OPTIONS[word]))]
         elif word == "--" or not word.startswith("--"):
             plain.append(word)
-    at = plain.index("--") if "--" in plain else len(plain) - 1
-    specs, traces = plain[:at], [word for word in plain[at:] if word != "--"]
+    separator = plain.index("--") if "--" in plain else len(plain) - 1
+    specs, traces = plain[:separator], [word for word in plain[separator:] if word != "--"]
     exist = all((ROOT / trace).exists() for trace in traces)
     return [*specs, *options, "--", *traces] if exist else []
 
@@ -80,11 +80,11 @@ def scores(arguments: Sequence[str]) -> dict[str, MutationScore]:
 
 def row(name: str, score: MutationScore, arguments: Sequence[str]) -> str:
     """Return a row of the table."""
-    at = arguments.index("--")
-    texts = [word for word in arguments[:at] if not word.endswith(".stl")]
+    separator = arguments.index("--")
+    texts = [word for word in arguments[:separator] if not word.endswith(".stl")]
     named = [word for word in texts if word.startswith(f"{name} =") or name == "spec"]
     title = named[0] if named else Path(arguments[0]).name
-    traces = ", ".join(word.removeprefix("examples/") for word in arguments[at + 1 :])
+    traces = ", ".join(word.removeprefix("examples/") for word in arguments[separator + 1 :])
     # The JSON of the command has the old names of killed and survived.
     counts = [score.count(status) for status in ("noticed", "missed", "unknown", "same")]
     cells = [f"`{title}`", traces, score.made, *counts, percent(score.share)]

@@ -1,4 +1,4 @@
-"""Inputs of the workloads; random samples are seeded by the position where a chunk starts."""
+"""Inputs of the workloads; the start of a chunk is the seed of its random samples."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ VARIABLES = {
     "always": ("s",),
     "sum": ("a", "b"),
 }
-"""Variables of every kind of trace, in the order in which the formulas name them."""
+"""The variables of every kind of trace, in the order of the formulas."""
 
 
 def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
-    """Samples start to start + n - 1; ``k`` is the period of the saw-tooth less 1."""
-    at = np.arange(start, start + n)
+    """Return samples start to start + n - 1; ``k`` is the period of the saw-tooth less 1."""
+    positions = np.arange(start, start + n)
     if kind == "saw":
-        tooth = at % (k + 1)
+        tooth = positions % (k + 1)
         rising = np.where(tooth == k, -1.0, tooth * 1e-6)
         return {"a": rising, "b": rising}
     noise = np.random.default_rng([7, start])
@@ -39,8 +39,8 @@ def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
             "req": np.where(u[0] < 0.1, 5.0, 1.0) + 0.1 * u[1],
             "gnt": np.where(u[2] < 0.4, 5.0, 1.0) + 0.1 * u[1],
         }
-    if kind == "nested":  # a command that changes every 500 samples, and what follows it
-        phase, command = at % 500, (at // 500 % 2) * 1.5
+    if kind == "nested":  # a command that changes every 500 samples, and its response
+        phase, command = positions % 500, (positions // 500 % 2) * 1.5
         return {
             "cmd": command,
             "pos": command + (1.5 - 2 * command) * np.exp(-phase / 30) + 0.02 * (u[0] - 0.5),
@@ -52,24 +52,24 @@ def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
 
 
 def short(count: int) -> list[Columns]:
-    """Traces of 200 samples of x, a and b."""
+    """Return traces of 200 samples of x, a and b."""
     noise = np.random.default_rng(11)
     return [dict(zip("xab", noise.standard_normal((3, 200)), strict=True)) for _ in range(count)]
 
 
 def rows(trace: Columns) -> list[tuple[float, ...]]:
-    """The samples of a trace as tuples of Python floats."""
+    """Return the samples of a trace as tuples of Python floats."""
     return list(zip(*(column.tolist() for column in trace.values()), strict=True))
 
 
 def moments(start: int, n: int) -> NDArray[np.float64]:
-    """Times of events start to start + n - 1: about a thousand a second, none regular."""
+    """Return times of events start to start + n - 1: about a thousand per second, irregular."""
     jitter = np.random.default_rng([13, start]).random(n)
     return np.asarray((np.arange(start, start + n) + 0.9 * jitter) / 1_000)
 
 
 def summed(kind: str, trace: Columns) -> Columns:
-    """The trace for tools whose predicates compare one signal with a number."""
+    """Return the trace for tools whose predicates compare one signal with a number."""
     if kind in ("w1", "saw", "sum"):
         return {"s": trace["a"] + trace["b"]}
     if kind == "nested":

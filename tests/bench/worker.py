@@ -1,4 +1,4 @@
-"""Runs inside the process of a subject: prepares a case, then measures it when asked."""
+"""The loop in the process of a subject: it prepares a case, then measures it on request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def serve(cases: dict[str, Callable[[Case], Measure]]) -> None:
             if case is None:
                 answer = measure() if measure else None
             else:
-                measure = None  # frees what the last case held before the next is built
+                measure = None  # free the last case before the next one is built
                 gc.collect()
                 measure = cases[case["what"]](case)
                 answer = True
@@ -45,12 +45,12 @@ def stream(
     feed: Callable[[Sequence[Any]], object],
     inputs: Callable[[traces.Columns, int], Any],
 ) -> Measure:
-    """Nanoseconds for each sample of chunk after chunk, once the windows are full.
+    """Return nanoseconds per sample of successive chunks, once the windows are full.
 
     Args:
         case: ``kind`` of the trace, samples to ``fill``, ``seconds`` for a chunk.
-        feed: Gives every input to the monitor in a tight loop.
-        inputs: Makes the inputs of a chunk, outside of what is timed.
+        feed: Updates the monitor with every input in a tight loop.
+        inputs: Builds the inputs of a chunk, outside the timed part.
     """
     position = 0
 
@@ -63,14 +63,14 @@ def stream(
         return (time.perf_counter_ns() - begin) / n
 
     n = 64
-    while position < case["fill"]:  # growing chunks: a slow tool is noticed by its time limit
+    while position < case["fill"]:  # growing chunks, so that the time limit stops a slow tool
         timed(min(n, case["fill"] - position))
         n = min(2 * n, FILL_CHUNK)
-    n, each = 16, timed(16)
-    while n * each < case["seconds"] * 2.5e8 and n < 50_000:
+    n, per_sample = 16, timed(16)
+    while n * per_sample < case["seconds"] * 2.5e8 and n < 50_000:
         n *= 2
-        each = timed(n)
-    n = min(50_000, max(16, int(case["seconds"] * 1e9 / each)))
+        per_sample = timed(n)
+    n = min(50_000, max(16, int(case["seconds"] * 1e9 / per_sample)))
     return lambda: timed(n)
 
 
@@ -80,13 +80,13 @@ def events(
     inputs: Callable[[Any, traces.Columns], Any],
     variables: int,
 ) -> Measure:
-    """Nanoseconds for each event of a stream of events that come in chunks.
+    """Return nanoseconds per event of a stream of events in chunks.
 
     Args:
         case: As for `stream`, and the size of a ``chunk``.
-        feed: Gives every input to the monitor in a tight loop.
-        inputs: Makes an input of times and of the variables' values then.
-        variables: How many have an event at each of the times.
+        feed: Updates the monitor with every input in a tight loop.
+        inputs: Builds an input from times and the values of the variables.
+        variables: The number of variables with an event at each time.
     """
 
     def chunks(trace: traces.Columns, start: int) -> Any:  # noqa: ANN401
@@ -102,10 +102,10 @@ def events(
 def single_updates(
     case: Case, make: Callable[[], Callable[[Any], object]], inputs: Callable[..., Any]
 ) -> Measure:
-    """Worst single updates while the window fills and once it is full, in ns, over all passes.
+    """Return the worst single updates while the window fills and when it is full, in ns.
 
-    Each pass starts from a new monitor, so that passes are identical, and the element-wise minimum
-    over them leaves what belongs to the code, not to the operating system.
+    Each pass starts with a new monitor, so passes are identical. The element-wise minimum over them
+    keeps the cost of the code and removes the noise of the operating system.
     """
     import numpy as np
 
@@ -117,11 +117,11 @@ def single_updates(
     def measure() -> list[float]:
         nonlocal passes
         update, clock = make(), time.perf_counter_ns
-        # the first sample after a chunk was made finds cold caches: each pass cuts elsewhere
+        # the first sample after a chunk has cold caches, so each pass cuts at other places
         cuts = range(FILL_CHUNK - 1009 * passes, len(least), FILL_CHUNK)
         passes += 1
         for start, end in itertools.pairwise([0, *cuts, len(least)]):
-            # nothing is kept but in this array: a page that the harness touches first costs 1 us
+            # write only to this array: the first touch of a page by the harness costs 1 us
             times = array.array("q", bytes(8 * (end - start)))
             samples = inputs(traces.columns("saw", start, end - start, k), start)
             for i, sample in enumerate(samples):
@@ -129,7 +129,7 @@ def single_updates(
                 update(sample)
                 times[i] = clock() - begin
             np.minimum(least[start:end], times, out=least[start:end])
-        # the very first updates run code that was never run before
+        # the first updates run code that never ran before
         return [float(part.max()) - clock_costs for part in (least[16 : k + 1], least[k + 1 :])]
 
     return measure
@@ -141,7 +141,7 @@ def _clock() -> float:
 
 
 def whole(run: Callable[[], object], n: int) -> Measure:
-    """Nanoseconds for each of n samples of a call that takes them all."""
+    """Return nanoseconds per sample of a call that takes all n samples."""
 
     def measure() -> float:
         begin = time.perf_counter_ns()
@@ -153,7 +153,7 @@ def whole(run: Callable[[], object], n: int) -> Measure:
 
 
 def calls(run: Callable[[], Sequence[float]], count: int) -> Measure:
-    """Microseconds of processor time for each trace of a call, and the robustness of each."""
+    """Return processor microseconds per trace of a call, and the robustness of each."""
 
     def measure() -> list[float]:
         begin = time.process_time_ns()
@@ -168,18 +168,19 @@ def batch(
     step: Callable[[Any], object],
     inputs: Callable[[Any], Any] = lambda rows: rows,
 ) -> Measure:
-    """Nanoseconds for each entry of a step of many entries.
+    """Return nanoseconds per entry of a step of many entries.
 
     Args:
-        case: ``kind`` of the trace, ``num`` entries, steps to ``fill``, ``seconds`` for a measure.
+        case: ``kind`` of the trace, ``num`` entries, steps to ``fill``, ``seconds`` for a
+            measurement.
         step: Takes a sample in every entry.
-        inputs: Makes what it takes of an array of shape (num, variables).
+        inputs: Converts an array of shape (num, variables) to the argument of ``step``.
     """
     import numpy as np
 
     num, steps = case["num"], 64
     trace = np.stack(list(traces.columns(case["kind"], 0, num * steps).values()), axis=1)
-    # each entry has a stretch of the trace of its own
+    # each entry has its own part of the trace
     data = [inputs(rows) for rows in trace.reshape(num, steps, -1).transpose(1, 0, 2).copy()]
 
     def timed(n: int) -> float:
@@ -190,13 +191,13 @@ def batch(
         return (time.perf_counter_ns() - begin) / (n * num)
 
     for _ in range(0, case["fill"], steps):
-        each = timed(steps)
-    n = max(8, int(case["seconds"] * 1e9 / (each * num)))
+        per_step = timed(steps)
+    n = max(8, int(case["seconds"] * 1e9 / (per_step * num)))
     return lambda: timed(n)
 
 
 def resident() -> int:
-    """Bytes of memory that the process holds."""
+    """Return the bytes of memory that the process holds."""
     with open("/proc/self/statm") as file:  # noqa: PTH123 - peers' interpreters, short and plain
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
@@ -206,9 +207,9 @@ def memory(
     make: Callable[[int], Callable[[Iterable[Any]], object]],
     inputs: Callable[[traces.Columns, int], Any],
 ) -> Measure:
-    """Bytes of memory for each sample of the window, and allocations for each update.
+    """Return bytes of memory per sample of the window, and allocations per update.
 
-    Allocations are calls of the C allocator, counted by the preloaded library of the floor.
+    The preloaded library of the floor counts calls of the C allocator.
     """
     k, kind = case["k"], case["kind"]
 
@@ -216,7 +217,7 @@ def memory(
         return inputs(traces.columns(kind, start, n, k), start)
 
     size, warm = 4096, 10_000
-    make(1)(chunk(0, size))  # what is loaded or cached once is no part of the window
+    make(1)(chunk(0, size))  # code and caches of the first use are not part of the window
     gc.collect()
     before = resident()
     feed = make(k)
@@ -231,5 +232,5 @@ def memory(
     feed(first)
     begin = counter.value
     feed(second)
-    each = (counter.value - begin) / warm
-    return lambda: [held, each]
+    allocations = (counter.value - begin) / warm
+    return lambda: [held, allocations]

@@ -1,4 +1,4 @@
-"""What the subjects have in common: a clock, and how they answer."""
+"""Helpers of the subjects: clocks and output."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ Case = dict[str, Any]
 
 
 def least(run: Callable[[], object], repeats: int) -> float:
-    """The least number of seconds of some runs."""
-    found = []
+    """Return the minimum time of several runs, in seconds."""
+    times = []
     for _ in range(repeats):
         begin = time.perf_counter()
         run()
-        found.append(time.perf_counter() - begin)
-    return min(found)
+        times.append(time.perf_counter() - begin)
+    return min(times)
 
 
 def processor_seconds(run: Callable[[], object]) -> float:
-    """The seconds of processors that one run takes, with compilers that it starts."""
+    """Return the processor time of one run in seconds, with the compilers that it starts."""
     begin = _processors()
     run()
     return _processors() - begin
@@ -35,5 +35,5 @@ def _processors() -> float:
 
 
 def answer(subjects: dict[str, Callable[[Case], Case]]) -> None:
-    """Print what the subject of the command line finds, as JSON."""
+    """Print the figures of the case on the command line, as JSON."""
     print(json.dumps(subjects[sys.argv[1]](json.loads(sys.argv[2]))))

@@ -1,4 +1,4 @@
-"""The optimizer of ``examples/unicycle.py``, with our smooth robustness and with that of stljax."""
+"""The optimizer of ``examples/unicycle.py``, with our smooth robustness and with stljax."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ import unicycle
 
 
 def found(case: Case, smooth: Any) -> Case:
-    """Milliseconds a step, and the standard robustness that is reached; ``smooth`` is ascended."""
+    """Return milliseconds per step and the final standard robustness; ``smooth`` is maximized."""
     unicycle.robustness, standard = smooth, unicycle.robustness
     start = 0.3 * jax.random.normal(jax.random.key(1), (2, unicycle.SAMPLES - 1))
     run = jax.jit(lambda start: unicycle.ascend(start, smooth=True)[0])
     compiling = processor_seconds(lambda: run.lower(start).compile())
     controls = run(start)
-    whole = least(lambda: run(start).block_until_ready(), 2 if case["quick"] else 5)
+    seconds = least(lambda: run(start).block_until_ready(), 2 if case["quick"] else 5)
     return {
-        "step": whole * 1e3 / unicycle.STEPS,
+        "step": seconds * 1e3 / unicycle.STEPS,
         "compile": compiling,
         "robustness": float(standard(controls)),
     }
@@ -44,7 +44,7 @@ def stljax(case: Case) -> Case:
     def robustness(controls: Any, temperature: Any = 0.01, **_: Any) -> Any:
         seen = unicycle.signals(unicycle.path(controls))
         operand = (seen["clear"], (seen["first"], seen["last"]))
-        # Its temperature is the inverse of ours; with its own large number gradients become nan.
+        # Its temperature is the inverse of ours; with its own large number, gradients become nan.
         smooth = {"approx_method": "logsumexp", "temperature": 1 / temperature}
         return task.robustness(operand, large_number=1e3, **smooth)
 

@@ -1,12 +1,12 @@
-"""Measures monitors on arrays beside the C++ machines, and whole traces beside stljax and STLCG++.
+"""Measure monitors on arrays against the C++ machines, and traces against stljax and STLCG++.
 
     python tests/bench/arrays/run.py [steps traces plan] [--quick] [--device cuda]
         [--entries 1024 4096 65536] [--json FILE]
 
-The interpreter has JAX and torch, and what it has of stljax and stlcgpp is compared with. Each row
-comes from a process of its own with one thread on a CPU, and is the least of its repeats; numbers
-are float32, those of C++ float64. On a GPU the same command measures there: JAX takes the one it
-finds, torch that of --device, which adds recorded CUDA graphs. Nothing is asserted.
+The interpreter needs JAX and torch. stljax and stlcgpp are compared if they are installed. Each row
+is the minimum of several repeats in a process of its own, with one thread on a CPU. Numbers are
+float32; in C++ they are float64. On a GPU the same command measures there: JAX uses the GPU that it
+finds, and torch the one of --device, which adds recorded CUDA graphs. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ ONE_THREAD = {
 
 
 def asked(section: str, subject: str, case: Row) -> Row:
-    """What a process of its own finds; why not, if it fails."""
+    """Return the figures of a new process; its error text if it fails."""
     here = Path(__file__).parent
     env = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join([str(here), *sys.path])}
     command = [sys.executable, str(here / f"{section}.py"), subject, json.dumps(case)]
     ran = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     if ran.returncode:
         return {"failed": (ran.stderr.strip().splitlines() or ["no word"])[-1][:70]}
-    found: Row = json.loads(ran.stdout.splitlines()[-1])
-    return found
+    figures: Row = json.loads(ran.stdout.splitlines()[-1])
+    return figures
 
 
 def cases(section: str, arguments: argparse.Namespace) -> list[tuple[str, Row]]:
-    """The subjects of a section, each with what it measures."""
+    """Return the subjects of a section and their cases."""
     more = {"device": arguments.device, "quick": arguments.quick}
     if section == "steps":
         subjects = ["C++", "jax", "torch compiled", "torch eager"]
@@ -69,7 +69,7 @@ def cases(section: str, arguments: argparse.Namespace) -> list[tuple[str, Row]]:
 
 
 def shown(cell: object) -> str:
-    """A number in three digits or more."""
+    """Return a number with at least three digits."""
     if isinstance(cell, float):
         return f"{cell:,.0f}" if abs(cell) >= 100 else f"{cell:.3g}"
     return str(cell)

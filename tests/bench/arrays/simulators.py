@@ -1,6 +1,6 @@
-"""What a monitor costs of a step of MJX and of gymnax, both under one jit.
+"""The cost of a monitor in a step of MJX and of gymnax, both in one compiled function.
 
-Run: python tests/bench/arrays/simulators.py, with mjx or gymnax for one of them
+Run: python tests/bench/arrays/simulators.py; the argument mjx or gymnax selects one of them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STEPS = {"mjx": 10, "gymnax": 50}
 
 
 def brax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
-    """A rollout of inverted_pendulum in MJX."""
+    """Run inverted_pendulum in MJX."""
     env: Any = envs.get_environment("inverted_pendulum", backend="mjx")
     env = EpisodeWrapper(VmapWrapper(env), 200, 1)
     if spec is not None:
@@ -40,11 +40,11 @@ def brax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Calla
         return last.obs, *(last.info[key] for key in READ if key in last.info)
 
     run = jax.jit(rolled)
-    return lambda: run(state)  # as an argument, for constants are computed while XLA compiles
+    return lambda: run(state)  # an argument, because XLA evaluates constants while it compiles
 
 
 def gymnax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Callable[[], Any]:
-    """A rollout of CartPole in gymnax."""
+    """Run CartPole in gymnax."""
     env, params = gymnax.make("CartPole-v1")
     if spec is not None:
         env = StlEnvironment(
@@ -65,7 +65,7 @@ def gymnax_steps(entries: int, spec: str | None, options: dict[str, Any]) -> Cal
 
 
 READ = ("robustness", "stl_lower", "stl_upper", "stl_success", "cost")
-"""What is read of infos, so that no compiler leaves it out."""
+"""The info keys that are returned, so that no compiler removes their computation."""
 ALWAYS = "always(abs(angle) < 0.2)"
 RESPONSE = "always((angle > 0.1) implies eventually[0:5](angle < 0.1))"
 CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
@@ -78,19 +78,22 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Prints nanoseconds an entry and step, the least of some runs."""
-    for name, made, many in (("mjx", brax_steps, (256,)), ("gymnax", gymnax_steps, (1024, 4096))):
+    """Print nanoseconds per entry and step, the minimum of several runs."""
+    for name, rollout, many in (
+        ("mjx", brax_steps, (256,)),
+        ("gymnax", gymnax_steps, (1024, 4096)),
+    ):
         for entries in many if name in (sys.argv[1:] or name) else ():
             for label, (spec, options) in CASES.items():
-                run = made(entries, spec, options)
+                run = rollout(entries, spec, options)
                 jax.block_until_ready(run())
-                found = []
+                times = []
                 for _ in range(RUNS):
                     begin = time.perf_counter()
                     jax.block_until_ready(run())
-                    found.append(time.perf_counter() - begin)
-                each = min(found) / entries / STEPS[name]
-                print(name, entries, label, round(each * 1e9), flush=True)
+                    times.append(time.perf_counter() - begin)
+                per_step = min(times) / entries / STEPS[name]
+                print(name, entries, label, round(per_step * 1e9), flush=True)
 
 
 if __name__ == "__main__":

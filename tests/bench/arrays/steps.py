@@ -1,4 +1,4 @@
-"""Steps of `episode` for many entries, in each library, and those of the C++ machine."""
+"""Steps of `episode` for many entries, in each library and in the C++ machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SPECS = {
 
 
 def samples(case: Case) -> Any:
-    """Samples of two variables in all entries, for some steps."""
+    """Return samples of two variables in all entries, for several steps."""
     steps = max(4, min(16, 262_144 // case["entries"]))
     steps = max(2, steps // 8) if case["spec"] == "nested" else steps
     random = np.random.default_rng(7)
@@ -26,21 +26,21 @@ def repeats(case: Case) -> int:
     return 5 if case["quick"] else 15
 
 
-def per_step(case: Case, whole: float) -> float:
-    return whole * 1e9 / (len(samples(case)) * case["entries"])
+def per_step(case: Case, seconds: float) -> float:
+    return seconds * 1e9 / (len(samples(case)) * case["entries"])
 
 
 def cpp(case: Case) -> Case:
     import rtamt
 
     monitor = rtamt.VectorEpisodeMonitor(SPECS[case["spec"]], case["entries"])
-    given = [np.ascontiguousarray(sample, dtype=np.float64) for sample in samples(case)]
+    inputs = [np.ascontiguousarray(sample, dtype=np.float64) for sample in samples(case)]
 
     def run() -> None:
-        for sample in given:
+        for sample in inputs:
             monitor.update(sample)
 
-    for _ in range(1 + 256 // len(given)):  # until its windows are full
+    for _ in range(1 + 256 // len(inputs)):  # until the windows are full
         run()
     return {"step": per_step(case, least(run, repeats(case)))}
 
@@ -51,23 +51,23 @@ def of_jax(case: Case) -> Case:
     import rtamt_arrays.jax
 
     monitor = rtamt_arrays.jax.episode(SPECS[case["spec"]])
-    given, state = jax.device_put(samples(case)), monitor.init(case["entries"])
+    inputs, state = jax.device_put(samples(case)), monitor.init(case["entries"])
 
     def step(state: Any, sample: Any) -> Any:
         state, reading = monitor.update(state, sample)
         return state, reading.lower
 
-    run = jax.jit(lambda state, given: jax.lax.scan(step, state, given), donate_argnums=0)
-    compiling = processor_seconds(lambda: run.lower(state, given).compile())
+    run = jax.jit(lambda state, inputs: jax.lax.scan(step, state, inputs), donate_argnums=0)
+    compiling = processor_seconds(lambda: run.lower(state, inputs).compile())
     held = [state]
 
     def once() -> None:
-        state, lower = run(held[0], given)
+        state, lower = run(held[0], inputs)
         held[0] = jax.block_until_ready(state)
         lower.block_until_ready()
 
     once()
-    memory = sum(each.nbytes for each in held[0]) / case["entries"]
+    memory = sum(array.nbytes for array in held[0]) / case["entries"]
     step_ns = per_step(case, least(once, repeats(case)))
     return {"step": step_ns, "compile": compiling, "bytes an entry": memory}
 
@@ -81,19 +81,19 @@ def of_torch(case: Case, how: str) -> Case:
     if device == "cpu":
         torch.set_num_threads(1)
     monitor = rtamt_arrays.torch.episode(SPECS[case["spec"]], device=device)
-    given, state = torch.from_numpy(samples(case)).to(device), monitor.init(case["entries"])
+    inputs, state = torch.from_numpy(samples(case)).to(device), monitor.init(case["entries"])
 
     def wait() -> None:
         if device != "cpu":
             torch.cuda.synchronize()
 
     step: Any = monitor.update_
-    sample = given[0].clone()
+    sample = inputs[0].clone()
     if how == "compiled":
         step = torch.compile(step, fullgraph=True)
     compiling = processor_seconds(lambda: (step(state, sample), wait()))
     if how == "graph":
-        # What runs before a graph is recorded runs beside the stream of the others.
+        # Warm-up calls before a graph is recorded must run in another stream.
         side = torch.cuda.Stream()
         side.wait_stream(torch.cuda.current_stream())
         with torch.cuda.stream(side):
@@ -108,14 +108,14 @@ def of_torch(case: Case, how: str) -> Case:
             graph.replay()
 
     def run() -> None:
-        for each in given:
-            step(state, each)
+        for new in inputs:
+            step(state, new)
         wait()
 
     with torch.no_grad():
         run()
-        found = {"step": per_step(case, least(run, repeats(case)))}
-    return found | ({"compile": compiling} if how == "compiled" else {})
+        figures = {"step": per_step(case, least(run, repeats(case)))}
+    return figures | ({"compile": compiling} if how == "compiled" else {})
 
 
 answer(

@@ -1,7 +1,7 @@
-"""Robustness at the begin of whole traces, and its gradient, in each library.
+"""Robustness at the start of traces, and its gradient, in each library.
 
-The windows fit into the traces, so that all tools mean the same; "differs" is the greatest
-difference from the C++ machines.
+The windows fit into the traces, so that all tools compute the same. The column "differs" is the
+maximum difference from the C++ machines.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SPECS = {
 
 
 def signals() -> Any:
-    """Two signals of some traces."""
+    """Return two signals of several traces."""
     steps = np.random.default_rng(7).normal(size=(2, TRACES, SAMPLES)) * 0.3
     return np.cumsum(steps, axis=-1).astype(np.float32)
 
@@ -34,7 +34,7 @@ def expected(case: Case) -> Any:
 
 
 def found(case: Case, values: Any, value: Any, gradient: Any) -> Case:
-    """Microseconds a trace of two functions without operands, whose first runs compile."""
+    """Return microseconds per trace of two functions; their first calls compile."""
     compiling = processor_seconds(value) + processor_seconds(gradient)
     repeats = 3 if case["quick"] else 7
     return {
@@ -73,7 +73,7 @@ def jax_ours(case: Case) -> Case:
 
 
 def peer(case: Case, module: Any) -> Any:
-    """The formula in the words that stljax and STLCG++ share, of signals of shape (samples, 2)."""
+    """Return the formula of stljax and STLCG++ for signals of shape (samples, 2)."""
     a, b = (module.Predicate(name, partial(column, i)) for i, name in enumerate("ab"))
     if case["spec"] == "reach":
         ahead = module.Predicate("a - b", lambda x: x[:, 0] - x[:, 1])

@@ -1,5 +1,5 @@
 # ruff: noqa: ANN401 - the classes of ROS have no types
-"""rospy and rclpy as they are, without a monitor: what publishes, receives and passes on."""
+"""rospy and rclpy without a monitor: processes that publish, receive and forward messages."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from importlib import import_module
 from typing import Any, Protocol
 
 DEPTH = 1000
-"""Messages that a queue holds, so that a late reader of figures loses none."""
+"""The queue size, so large that a slow reader loses no message."""
 
 
 class Bare(Protocol):
     """A node of ROS 1 or ROS 2 with a thread that runs callbacks."""
 
     def publisher(self, topic: str, message: type) -> Any:
-        """What has a `publish`."""
+        """Return an object with a method `publish`."""
         ...
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
-        """Calls back with every message."""
+        """Call a function with every message."""
         ...
 
     def readers(self, publisher: Any) -> int:
-        """How many subscribe to a publisher."""
+        """Return the number of subscribers of a publisher."""
         ...
 
     def tick(self, publisher: Any, time: int) -> None:
-        """Publishes a time in nanoseconds on ``/clock``."""
+        """Publish a time in nanoseconds on ``/clock``."""
         ...
 
     def close(self) -> None:
-        """Ends the node."""
+        """End the node."""
         ...
 
 
@@ -108,17 +108,17 @@ class Rclpy:
 
 
 def node(generation: int, name: str) -> Bare:
-    """A bare node of a generation of ROS."""
+    """Return a bare node of a generation of ROS."""
     return Rospy(name) if generation == 1 else Rclpy(name)
 
 
 def message_class(package: str, name: str) -> type:
-    """The class of messages, as ``geometry_msgs``, ``Twist``."""
+    """Return a message class, such as ``geometry_msgs``, ``Twist``."""
     return getattr(import_module(f"{package}.msg"), name)
 
 
 def stamp(message: Any) -> int:
-    """The nanoseconds in the header of a message, 0 without one."""
+    """Return the nanoseconds in the header of a message; 0 without a header."""
     header = getattr(message, "header", None)
     if header is None:
         return 0
@@ -128,22 +128,22 @@ def stamp(message: Any) -> int:
 
 
 def set_stamp(message: Any, time: int) -> None:
-    """Sets the time in the header of a message."""
-    of, (seconds, rest) = message.header.stamp, divmod(time, 10**9)
-    if hasattr(of, "secs"):
-        of.secs, of.nsecs = seconds, rest
+    """Set the time in the header of a message."""
+    stamp_field, (seconds, nanoseconds) = message.header.stamp, divmod(time, 10**9)
+    if hasattr(stamp_field, "secs"):
+        stamp_field.secs, stamp_field.nsecs = seconds, nanoseconds
     else:
-        of.sec, of.nanosec = seconds, rest
+        stamp_field.sec, stamp_field.nanosec = seconds, nanoseconds
 
 
 def resident(process: int) -> int:
-    """The bytes of memory that a process holds."""
+    """Return the bytes of memory that a process holds."""
     with open(f"/proc/{process}/statm") as file:  # noqa: PTH123 - a file of the kernel
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def processor(process: int) -> float:
-    """The seconds of processor time that a process has used."""
+    """Return the processor time of a process in seconds."""
     with open(f"/proc/{process}/stat") as file:  # noqa: PTH123 - a file of the kernel
         fields = file.read().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""What is measured: a node of ours or of 2020, or nothing but the middleware, and who is around."""
+"""The subjects: our node, the node of 2020 or the middleware, and the processes around them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ros_processes import Process, Ros, ros  # noqa: E402 - found on the path ab
 
 INPUT = "bench/cmd"
 PATIENCE = 30.0
-"""Seconds for a process to be ready, or to end."""
+"""Seconds for a process to start or to end."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Subject:
     """A node that takes Twists on `INPUT` and publishes their `linear.x` as a robustness.
 
     Attributes:
-        name: What the tables call it.
-        topic: Where the robustness that is measured is published.
-        message: Its class.
-        field: The field that has it.
-        command: Makes the files that it needs in a folder, and the command that starts it for a
-            period in milliseconds; None: there is no node, the sink reads the source.
+        name: Its name in the tables.
+        topic: The topic of the robustness that is measured.
+        message: The class of its messages.
+        field: The field with the robustness.
+        command: Writes its files into a folder and returns the command that starts it, for a period
+            in milliseconds; None if there is no node and the sink reads the source.
         environment: Variables of its environment.
     """
 
@@ -52,14 +52,14 @@ HOP = Subject("one hop", INPUT, "geometry_msgs/Twist", "linear.x", None)
 
 
 def relay(generation: int) -> Subject:
-    """Two hops: a subscriber that publishes what came, in a process of its own."""
+    """Return two hops: a process that subscribes and publishes each message again."""
     arguments = {"ros": generation, "topic": INPUT, "to": "bench/relayed"}
     command = [sys.executable, str(HERE / "worker.py"), "relay", json.dumps(arguments)]
     return Subject("two hops", "bench/relayed", "std_msgs/Float64", "data", lambda *_: command)
 
 
 def ours(*, dense: bool = False, count: int = 1, ros_arguments: tuple[str, ...] = ()) -> Subject:
-    """The node of this project with some specifications; the last one's output is measured."""
+    """Return the node of this project with several specifications; the last one is measured."""
     last = f"bench/out{count - 1}"
 
     def command(folder: Path, period: float) -> list[str]:
@@ -85,19 +85,19 @@ def ours(*, dense: bool = False, count: int = 1, ros_arguments: tuple[str, ...] 
 
 
 def first(subject: Subject) -> list[Subject]:
-    """The same before all programs of the usual priority; none where that is not permitted."""
+    """Return the same subject with real-time priority; nothing if that is not permitted."""
     before = ["chrt", "-f", "10"]
     try:
         subprocess.run([*before, "true"], check=True, capture_output=True)
     except (OSError, subprocess.CalledProcessError):
         return []
-    of, name = subject.command, f"{subject.name}, first"
-    assert of is not None
-    return [replace(subject, name=name, command=lambda *given: [*before, *of(*given)])]
+    make, name = subject.command, f"{subject.name}, first"
+    assert make is not None
+    return [replace(subject, name=name, command=lambda *arguments: [*before, *make(*arguments)])]
 
 
 def of_2020(python: str, script: str, messages: str) -> Subject:
-    """The public node of 2020: its interpreter, its script, and the folder of `rtamt_msgs`."""
+    """Return the public node of 2020 from its interpreter, script and folder of `rtamt_msgs`."""
 
     def command(folder: Path, period: float) -> list[str]:
         file = folder / "bench2020.stl"
@@ -131,7 +131,7 @@ class Bench:
         self.node: Process | None = None
 
     def start(self, subject: Subject, period: float) -> None:
-        """Starts the node of a subject, if it has one."""
+        """Start the node of a subject, if it has one."""
         if subject.command is None:
             return
         command = subject.command(self.ros.folder, period)
@@ -140,7 +140,7 @@ class Bench:
         self.ros.processes.append(self.node)
 
     def worker(self, role: str, subject: Subject | None = None, **arguments: object) -> Process:
-        """Starts a process of `worker.py`, and waits until it is ready."""
+        """Start a process of `worker.py`, and wait until it is ready."""
         arguments |= {"ros": self.ros.generation, "file": str(self.ros.folder / f"{role}.npy")}
         if subject is not None:
             arguments |= {"message": subject.message, "field": subject.field}
@@ -152,23 +152,23 @@ class Bench:
         return process
 
     def wait(self, condition: Callable[[], bool], process: Process, seconds: float) -> None:
-        """Waits for a condition on a process; says what it wrote if it ends, or takes too long."""
+        """Wait for a condition on a process; raise its output if it ends or takes too long."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end or not process.runs():
                 if condition():
                     return
-                said = self.node.output[-2000:] if self.node else ""
-                raise RuntimeError(f"{process.output[-2000:]}\n{said}")
+                output = self.node.output[-2000:] if self.node else ""
+                raise RuntimeError(f"{process.output[-2000:]}\n{output}")
             time.sleep(0.02)
 
     def load(self, role: str) -> np.ndarray:
-        """What a worker saved."""
+        """Return the figures that a worker saved."""
         return np.load(self.ros.folder / f"{role}.npy")
 
 
 @contextmanager
 def bench(generation: int) -> Iterator[Bench]:
-    """A network of its own, until the end of the block."""
+    """Run a network of its own until the end of the block."""
     with tempfile.TemporaryDirectory() as folder, ros(generation, Path(folder)) as network:
         yield Bench(network)

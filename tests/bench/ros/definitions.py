@@ -1,7 +1,7 @@
-"""The robustness of a few requirements by their definitions, in NumPy and without rtamt.
+"""The robustness of several requirements by their definitions, in NumPy and without rtamt.
 
-A course of samples is an array; a sample that is not known is nan, and so is what reads it. Before
-the first sample there is nothing: a least value over nothing is inf, a greatest one is -inf.
+A signal is an array of samples. An unknown sample is nan, and so is every value that depends on it.
+Before the first sample a minimum is inf and a maximum -inf.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ Course = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class Requirement(NamedTuple):
-    """A requirement, and what it means.
+    """A requirement and its definition.
 
     Attributes:
-        text: The formula over `cmd.linear.x` and `cmd.angular.z`, at 100 samples a second.
-        means: Its robustness at every sample, from the courses of both.
-        late: Samples after which the robustness at a sample is known.
+        text: The formula over `cmd.linear.x` and `cmd.angular.z`, at 100 samples per second.
+        means: Returns its robustness at every sample from both signals.
+        late: The number of samples after which the robustness at a sample is known.
     """
 
     text: str
@@ -29,7 +29,7 @@ class Requirement(NamedTuple):
 
 
 def windows(course: Course, first: int, last: int, empty: float) -> Course:
-    """For each sample those from `first` to `last` after it, as rows; `empty` beyond the ends."""
+    """Return, for each sample, the samples `first` to `last` after it as rows; `empty` outside."""
     before, after = max(0, -first), max(0, last)
     padded = np.concatenate([np.full(before, empty), course, np.full(after, empty)])
     rows = np.lib.stride_tricks.sliding_window_view(padded, last - first + 1)
@@ -38,25 +38,25 @@ def windows(course: Course, first: int, last: int, empty: float) -> Course:
 
 
 def least(course: Course, first: int, last: int) -> Course:
-    """The least of a window around each sample."""
+    """Return the minimum of a window around each sample."""
     return windows(course, first, last, np.inf).min(axis=1)
 
 
 def greatest(course: Course, first: int, last: int) -> Course:
-    """The greatest of a window around each sample."""
+    """Return the maximum of a window around each sample."""
     return windows(course, first, last, -np.inf).max(axis=1)
 
 
 def since(left: Course, right: Course, last: int) -> Course:
-    """`left since[0:last] right`: the best sample of `right`, with all of `left` after it."""
-    found = np.full(len(left), -np.inf)
-    held = np.full(len(left), np.inf)  # the least of `left` in (now - back, now]
+    """Return `left since[0:last] right`: the best of `right`, with all of `left` after it."""
+    best = np.full(len(left), -np.inf)
+    held = np.full(len(left), np.inf)  # the minimum of `left` in (now - back, now]
     for back in range(min(last + 1, len(left))):
-        at = np.concatenate([np.full(back, -np.inf), right[: len(right) - back]])
-        found = np.maximum(found, np.minimum(at, held))
+        delayed = np.concatenate([np.full(back, -np.inf), right[: len(right) - back]])
+        best = np.maximum(best, np.minimum(delayed, held))
         until = np.concatenate([np.full(back, np.inf), left[: len(left) - back]])
         held = np.minimum(held, until)
-    return found
+    return best
 
 
 REQUIREMENTS = {
@@ -82,4 +82,4 @@ REQUIREMENTS = {
         "always(cmd.linear.x >= 0.01)", lambda x, _: np.minimum.accumulate(x - 0.01)
     ),
 }
-"""`x` and `z` say what a sample held; the others are judged on it."""
+"""`x` and `z` are the values that a sample held; the others are evaluated on them."""

@@ -1,4 +1,4 @@
-"""How well a node that samples keeps its period over minutes."""
+"""How well a sampling node keeps its period over minutes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from bench import INPUT, PATIENCE, Subject, bench
 
 @dataclass(frozen=True)
 class Drift:
-    """The course of a run; times in nanoseconds.
+    """The drift of a run; times in nanoseconds.
 
     Attributes:
-        periods: Periods from the first value to the last, by the clock.
-        values: Values that came in them.
-        drift: How much later than so many periods the last minute came than the first, by the
-            medians of both.
-        late: Of each value, the time behind the regular course that the median of all follows.
-        missed: Periods that passed without a value before the next, by the times of arrival.
+        periods: The number of periods from the first value to the last, by the clock.
+        values: The number of values in them.
+        drift: The delay of the last minute compared with the first, by the medians of both.
+        late: The delay of each value after the regular times that the median of all follows.
+        missed: The periods without a value before the next, by arrival.
     """
 
     periods: int
@@ -29,7 +28,7 @@ class Drift:
 
 
 def measure(generation: int, subject: Subject, rate: float, seconds: float) -> Drift:
-    """The drift of a subject that samples at a rate in Hz."""
+    """Return the drift of a subject that samples at a rate in Hz."""
     with bench(generation) as running:
         running.start(subject, 1e3 / rate)
         sink = running.worker("sink", subject, topic=subject.topic)
@@ -43,7 +42,7 @@ def measure(generation: int, subject: Subject, rate: float, seconds: float) -> D
 
 
 def course(arrivals: np.ndarray, period: float) -> Drift:
-    """What times of arrival say of the clock behind them."""
+    """Return the clock that times of arrival imply."""
     times = arrivals - arrivals[0]
     slots = np.round(times / period)
     behind = times - slots * period

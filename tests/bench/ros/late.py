@@ -1,4 +1,4 @@
-"""Samples that a node judges late, and how late messages come, beside processes that compute."""
+"""Samples that a node evaluates late, and delays of messages, next to busy processes."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bench import HOP, INPUT, PATIENCE, Subject, bench
 
 @dataclass(frozen=True)
 class Late:
-    """What was measured of a subject.
+    """The figures of a subject.
 
     Attributes:
-        samples: How many samples its requirements had, by the clock.
-        late: How many of them the node says that it judged late.
+        samples: The number of samples of its requirements, by the clock.
+        late: The number of samples that the node evaluated late, by its diagnostics.
         after_stamp: Nanoseconds from the stamps of the last requirement's samples to their arrival.
         load: The processor time of the node as a share of one processor.
     """
@@ -33,18 +33,18 @@ class Late:
 def measure(
     generation: int, subject: Subject, rate: float, seconds: float, *, count: int, busy: int
 ) -> Late:
-    """The late samples of a subject with so many requirements, beside so many busy processes."""
+    """Measure late samples of a subject with several requirements, next to busy processes."""
     with bench(generation) as running:
         running.start(subject, 1e3 / rate)
         sink = running.worker("sink", subject, topic=subject.topic)
-        told = running.worker("told")
+        counts = running.worker("told")
         source = running.worker("source", topic=INPUT, rate=rate, count=round(seconds * rate))
         assert running.node is not None
         used = bare.processor(running.node.pid)
         with others(busy):
             running.wait(lambda: not source.runs(), source, seconds + PATIENCE)
         used = bare.processor(running.node.pid) - used
-        for worker in (sink, told):
+        for worker in (sink, counts):
             worker.ask_to_end()
             worker.ended()
         rows, late = running.load("sink"), running.load("told")
@@ -52,7 +52,7 @@ def measure(
 
 
 def floor(generation: int, rate: float, seconds: float, *, count: int, busy: int) -> Late:
-    """The same of a bare publisher of so many topics, which judges nothing."""
+    """Measure the same for a bare publisher of as many topics, which evaluates nothing."""
     topics = [f"bench/out{number}" for number in range(count)]
     with bench(generation) as running:
         last = replace(HOP, topic=topics[-1], message="geometry_msgs/PointStamped", field="point.x")
@@ -68,11 +68,11 @@ def floor(generation: int, rate: float, seconds: float, *, count: int, busy: int
 
 @contextmanager
 def others(count: int) -> Iterator[None]:
-    """Processes that compute all the time, until the end of the block."""
+    """Run busy processes until the end of the block."""
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
     finally:
-        for each in busy:
-            each.kill()
-            each.wait()
+        for process in busy:
+            process.kill()
+            process.wait()

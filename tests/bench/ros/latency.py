@@ -1,11 +1,11 @@
-"""Latency from the publishing of an input to the robustness on its topic.
+"""Latency from the publication of an input to the robustness on its topic.
 
-A number counts the inputs, and the robustness is that number: the two are matched by it. A node
-that samples publishes what it held at a tick, so its latency is the wait for the tick, at most a
-period, and the time from the tick to the value; the source is 3 % slower than the ticks, so that
-its messages come at every phase. A message whose number the sink has is counted once, when the
-number came first. Times are those of CLOCK_MONOTONIC, which all processes of a host share; the age
-by the stamp, which is the time of the tick, is that of the wall clock.
+Inputs are counted, and the robustness equals the count, which matches the two. A sampling node
+publishes the value that it held at a tick, so its latency is the wait for the tick, at most a
+period, and the time from the tick to the value. The source is 3 % slower than the ticks, so that
+its messages have every phase. A repeated number counts once, at its first arrival. Times are from
+CLOCK_MONOTONIC, which all processes of a host share; ages by stamp, which is the time of the tick,
+are from the wall clock.
 """
 
 from __future__ import annotations
@@ -19,13 +19,12 @@ from bench import INPUT, PATIENCE, Subject, bench
 
 @dataclass(frozen=True)
 class Latency:
-    """What was measured of a subject at one rate.
+    """The figures of a subject at one rate.
 
     Attributes:
-        whole: Nanoseconds from the publishing of an input to the arrival of its robustness.
+        whole: Nanoseconds from the publication of an input to the arrival of its robustness.
         after_tick: Nanoseconds from a tick to the arrival of its value, by the stamps.
-        unseen: The share of inputs without a robustness: lost, or followed by another before the
-            next tick.
+        unseen: The share of inputs without a robustness: lost, or replaced before the next tick.
         load: The processor time of the node as a share of one processor.
     """
 
@@ -36,7 +35,7 @@ class Latency:
 
 
 def measure(generation: int, subject: Subject, rate: float, seconds: float) -> Latency:
-    """Latencies of a subject whose inputs come, and which samples, at a rate in Hz."""
+    """Return latencies of a subject, for the rates in Hz of its inputs and samples."""
     sampled = subject.name.startswith(("sampled", "2020"))
     sending = rate * 0.97 if sampled else rate
     with bench(generation) as running:
@@ -50,16 +49,16 @@ def measure(generation: int, subject: Subject, rate: float, seconds: float) -> L
         sink.ask_to_end()
         sink.ended()
         sent, rows = running.load("source"), running.load("sink")
-        said = running.node.output if running.node else ""
+        output = running.node.output if running.node else ""
     rows = rows[rows[:, 0] >= 1]
     if not len(rows):
-        raise RuntimeError(f"nothing came of {count} messages\n{said[-2000:]}")
+        raise RuntimeError(f"nothing came of {count} messages\n{output[-2000:]}")
     numbers, first = np.unique(rows[:, 0].astype(np.int64), return_index=True)
     whole = rows[first, 1] - sent[numbers - 1]
     return Latency(whole, rows[:, 2], 1 - len(numbers) / count, used / seconds)
 
 
 def quantiles(times: np.ndarray) -> tuple[float, float, float]:
-    """Median, 99th percentile and greatest of nanoseconds, in microseconds."""
+    """Return median, 99th percentile and maximum of nanoseconds, in microseconds."""
     p50, p99, greatest = np.percentile(times, [50, 99, 100]) / 1e3
     return float(p50), float(p99), float(greatest)

@@ -1,7 +1,7 @@
-"""The memory of a node over an hour's worth of messages at full speed.
+"""The memory of a node over an hour of messages at full speed.
 
-The clock of ROS is simulated: ten messages and 0.1 s of the clock make a step, and the next one is
-sent as soon as the node has answered. An hour at 100 messages and 10 samples a second is 360,000
+The ROS clock is simulated: a step has ten messages and advances the clock by 0.1 s, and the next
+step follows the answer of the node. An hour at 100 messages and 10 samples per second is 360,000
 messages and 36,000 steps.
 """
 
@@ -18,14 +18,14 @@ STEPS = 36_000
 
 @dataclass(frozen=True)
 class Memory:
-    """Bytes that the node holds after a tenth, a half and all of the steps, and the steps a second.
+    """The bytes that the node holds, and its speed.
 
     Attributes:
         early: After a tenth of the steps.
         half: After half of them.
         whole: At the end.
         unanswered: Steps without an answer within a second.
-        speed: Steps a second.
+        speed: Steps per second.
     """
 
     early: int
@@ -36,7 +36,7 @@ class Memory:
 
 
 def measure(generation: int, subject: Subject, steps: int = STEPS) -> Memory:
-    """The memory of a subject, which must be made for simulated time."""
+    """Return the memory of a subject that uses simulated time."""
     with bench(generation) as running:
         if generation == 1:
             master = xmlrpc.client.ServerProxy(running.ros.environment["ROS_MASTER_URI"])

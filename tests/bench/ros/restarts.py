@@ -1,7 +1,7 @@
-"""How often a node in dense time begins anew, and whether it forgets a violation that was certain.
+"""How often a node in dense time restarts, and whether it forgets a certain violation.
 
-Messages come fast, and looks as fast as that: two threads read the clock, and a clock that one
-reads before the other, and hands over after it, would look as if it went back.
+Messages and looks are equally fast: two threads read the clock. If one thread reads it first and
+passes its time on second, the clock seems to go back.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from late import others
 
 RATE = 300.0
 LIMIT = 1000
-"""The message after which the requirement is violated, as numbers count from 1."""
+"""The number of the message that violates the requirement; numbers count from 1."""
 
 
 @dataclass(frozen=True)
 class Restarts:
-    """What was found.
+    """The figures of a run.
 
     Attributes:
-        messages: How many came.
-        restarts: How often the node began anew, as it says.
-        violations: Runs in which the violation was certain, as it says.
-        verdicts: What was published as the verdict, in order.
+        messages: The number of messages.
+        restarts: The number of restarts in the node's diagnostics.
+        violations: The number of runs with a certain violation in its diagnostics.
+        verdicts: The published verdicts, in order.
     """
 
     messages: int
@@ -36,7 +36,7 @@ class Restarts:
 
 
 def subject() -> Subject:
-    """A node in dense time with a requirement that is violated soon, for good."""
+    """Return a node in dense time with a requirement that is soon violated for good."""
 
     def command(folder: Path, _period: float) -> list[str]:
         file = folder / "calm.stl"
@@ -54,17 +54,17 @@ def subject() -> Subject:
 
 
 def measure(generation: int, seconds: float, *, busy: int) -> Restarts:
-    """What a node says in so many seconds, beside so many busy processes."""
+    """Measure a node for a time, next to busy processes."""
     node = subject()
     with bench(generation) as running:
         running.start(node, 1e3 / RATE)
         sink = running.worker("sink", node, topic=node.topic)
-        told = running.worker("told")
+        counts = running.worker("told")
         count = round(seconds * RATE)
         source = running.worker("source", topic=INPUT, rate=RATE, count=count)
         with others(busy):
             running.wait(lambda: not source.runs(), source, seconds + PATIENCE)
-        for worker in (told, sink):
+        for worker in (counts, sink):
             worker.ask_to_end()
             worker.ended()
         (_, restarts, violations, *_), *_ = running.load("told").tolist()

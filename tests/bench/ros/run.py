@@ -1,16 +1,16 @@
-"""Measures the node beside the bare middleware, and beside the public node of 2020 if it is there.
+"""Measure the node against the bare middleware, and against the public node of 2020 if it exists.
 
     python tests/bench/ros/run.py [latency drift memory late agree restarts] [--quick] [--seconds N]
         [--json FILE]
 
-Late samples of 1 and 20 specifications, processors free and taken, beside a bare publisher and with
-raised priority, in twelve minutes on a machine that does nothing else:
+This command measures late samples of 1 and 20 specifications, on free and on busy processors,
+against a bare publisher and with raised priority. It takes twelve minutes on an idle machine:
 
     python tests/bench/ros/run.py late
 
-The interpreter must have rospy or rclpy, whose generation is measured, and rtamt installed: the
-checkout beside this file has no native machines. Every figure is that of processes of their own on
-the loopback interface of one host. Nothing is asserted.
+The interpreter must have rospy or rclpy, which selects the generation, and rtamt installed: the
+checkout has no native machines. Each figure comes from processes of its own on the loopback
+interface of one host. Nothing is asserted.
 """
 
 from __future__ import annotations
@@ -37,36 +37,36 @@ from rtamt import BACKEND
 
 Row = dict[str, Any]
 SECONDS = {10.0: 30.0, 100.0: 20.0, 1000.0: 10.0}
-"""How long latencies are measured, by the rate in Hz."""
+"""Seconds of measured latencies, by the rate in Hz."""
 
 
 def latencies(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
-    """Rows of latencies; the middleware alone comes first."""
+    """Return rows of latencies; the first one is the middleware alone."""
     nodes = [ours(count=n, dense=dense) for dense in (False, True) for n in (1, 20)]
     for subject in (HOP, relay(generation), *nodes, *peers):
         for rate, seconds in SECONDS.items():
-            found = latency.measure(generation, subject, rate, 3.0 if quick else seconds)
+            result = latency.measure(generation, subject, rate, 3.0 if quick else seconds)
             row: Row = {"what": subject.name, "Hz": rate}
-            row["p50"], row["p99"], row["max"] = latency.quantiles(found.whole)
+            row["p50"], row["p99"], row["max"] = latency.quantiles(result.whole)
             if subject.message.endswith("Stamped") and not subject.name.startswith("dense"):
-                tick = latency.quantiles(found.after_tick)
+                tick = latency.quantiles(result.after_tick)
                 row["tick p50"], row["tick p99"], row["tick max"] = tick
-            yield row | {"unseen %": 100 * found.unseen, "CPU %": 100 * found.load}
+            yield row | {"unseen %": 100 * result.unseen, "CPU %": 100 * result.load}
 
 
 def drifts(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
-    """Rows of drifts at 100 Hz."""
+    """Return rows of drifts at 100 Hz."""
     seconds = 10.0 if quick else 600.0
     for subject in (ours(), *peers):
-        found = drift.measure(generation, subject, 100.0, seconds)
-        p50, p99, greatest = latency.quantiles(abs(found.late))
+        result = drift.measure(generation, subject, 100.0, seconds)
+        p50, p99, greatest = latency.quantiles(abs(result.late))
         yield {
             "what": subject.name,
             "s": seconds,
-            "periods": found.periods,
-            "values": found.values,
-            "missed": found.missed,
-            "drift us": found.drift / 1e3,
+            "periods": result.periods,
+            "values": result.values,
+            "missed": result.missed,
+            "drift us": result.drift / 1e3,
             "off p50": p50,
             "off p99": p99,
             "off max": greatest,
@@ -74,30 +74,30 @@ def drifts(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Ro
 
 
 def memories(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
-    """Rows of the memory in MB over an hour of simulated time."""
+    """Return rows of the memory in MB over an hour of simulated time."""
     steps = 1_000 if quick else memory.STEPS
     simulated = () if generation == 1 else ("--ros-args", "-p", "use_sim_time:=true")
     nodes = [ours(dense=dense, ros_arguments=simulated) for dense in (False, True)]
     for subject in (*nodes, *peers):
-        found = memory.measure(generation, subject, steps)
+        result = memory.measure(generation, subject, steps)
         yield {
             "what": subject.name,
             "steps": steps,
-            "MB at 10 %": found.early / 1e6,
-            "50 %": found.half / 1e6,
-            "100 %": found.whole / 1e6,
-            "unanswered": found.unanswered,
-            "steps/s": found.speed,
+            "MB at 10 %": result.early / 1e6,
+            "50 %": result.half / 1e6,
+            "100 %": result.whole / 1e6,
+            "unanswered": result.unanswered,
+            "steps/s": result.speed,
         }
 
 
 def lates(
     generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
 ) -> Iterator[Row]:
-    """Rows of late samples at 200 Hz, with all processors free and with all of them taken.
+    """Return rows of late samples at 200 Hz, with all processors free and with all busy.
 
-    The bare publisher of as many topics comes first, then the node with the priority of other
-    programs, and then the node before them (``chrt -f 10``), where that is permitted.
+    The first row is the bare publisher of as many topics, then follows the node with normal
+    priority, and then with ``chrt -f 10``, if that is permitted.
     """
     seconds = seconds or (6.0 if quick else 60.0)
     for busy in (0, os.cpu_count() or 1):
@@ -105,38 +105,38 @@ def lates(
             bare = late.floor(generation, 200.0, seconds, count=count, busy=busy)
             yield _late_row(f"bare, {count} topic{'s' * (count > 1)}", busy, bare)
             for subject in (ours(count=count), *first(ours(count=count))):
-                found = late.measure(generation, subject, 200.0, seconds, count=count, busy=busy)
-                yield _late_row(subject.name, busy, found)
+                result = late.measure(generation, subject, 200.0, seconds, count=count, busy=busy)
+                yield _late_row(subject.name, busy, result)
 
 
-def _late_row(what: str, busy: int, found: late.Late) -> Row:
-    row: Row = {"what": what, "busy": busy, "samples": found.samples, "late": found.late}
-    row["late %"] = 100 * found.late / found.samples
-    row["p50"], row["p99"], row["max"] = latency.quantiles(found.after_stamp)
-    return row | {"CPU %": 100 * found.load}
+def _late_row(title: str, busy: int, result: late.Late) -> Row:
+    row: Row = {"what": title, "busy": busy, "samples": result.samples, "late": result.late}
+    row["late %"] = 100 * result.late / result.samples
+    row["p50"], row["p99"], row["max"] = latency.quantiles(result.after_stamp)
+    return row | {"CPU %": 100 * result.load}
 
 
 def agreements(
     generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
 ) -> Iterator[Row]:
-    """Rows of the comparison with an evaluator of its own, processors free and taken.
+    """Return rows of the comparison with an independent evaluator, processors free and busy.
 
-    With ``seconds``, only a row on the machine as it is.
+    With ``seconds``, return one row for the machine as it is.
     """
     for busy in (0, *(() if seconds else (os.cpu_count() or 1,))):
         seconds = seconds or (20.0 if quick else 600.0)
-        found = agree.measure(generation, seconds, busy=busy)
-        yield {"what": "sampled", "s": seconds, "busy": busy} | vars(found)
+        result = agree.measure(generation, seconds, busy=busy)
+        yield {"what": "sampled", "s": seconds, "busy": busy} | vars(result)
 
 
 def beginnings(
     generation: int, _peers: list[Subject], *, quick: bool, seconds: float | None = None
 ) -> Iterator[Row]:
-    """Rows of restarts in dense time at 300 Hz, processors free and taken."""
+    """Return rows of restarts in dense time at 300 Hz, processors free and busy."""
     for busy in (0, os.cpu_count() or 1):
         seconds = seconds or (20.0 if quick else 600.0)
-        found = restarts.measure(generation, seconds, busy=busy)
-        yield {"what": "dense", "s": seconds, "busy": busy} | vars(found)
+        result = restarts.measure(generation, seconds, busy=busy)
+        yield {"what": "dense", "s": seconds, "busy": busy} | vars(result)
 
 
 SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
@@ -149,18 +149,18 @@ SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
 }
 
 LASTING = ("agree", "restarts", "late")
-"""The sections whose duration can be asked for."""
+"""The sections with a duration as an option."""
 
 
 def cell(value: object) -> str:
-    """A figure in few characters."""
+    """Return a figure in few characters."""
     if isinstance(value, float):
         return f"{value:.1f}" if abs(value) < 100 else f"{value:.0f}"
     return str(value)
 
 
 def table(rows: list[Row], title: str) -> str:
-    """Rows of figures with their names above."""
+    """Return a table of rows with their names above."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     lines = [names] + [[cell(row.get(name, "")) for name in names] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]

@@ -1,7 +1,7 @@
-"""A process around the node that is measured: a source, a sink, an evaluator, a relay, an hour.
+"""A process around the measured node: a source, a sink, an evaluator, a relay or an hour.
 
-Arguments come as JSON, and figures go to a file of NumPy. A line "ready" says that it has begun;
-SIGTERM ends a sink or a relay.
+Arguments are JSON, and figures go to a NumPy file. The line "ready" reports the start; SIGTERM ends
+a sink or a relay.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ import bare
 import numpy as np
 
 CONNECTED = 30.0
-"""Seconds for which a process waits for its neighbours."""
+"""Seconds that a process waits for its neighbours."""
 
 ANSWER = 1.0
-"""Seconds after which the answer of a node to a step is given up."""
+"""Seconds after which the answer of a node to a step is abandoned."""
 
 
-def wait(condition: Callable[[], bool], what: str) -> None:
-    """Waits for a condition."""
+def wait(condition: Callable[[], bool], purpose: str) -> None:
+    """Wait for a condition."""
     end = time.monotonic() + CONNECTED
     while not condition():
         if time.monotonic() > end:
-            sys.exit(f"{what} did not come within {CONNECTED:.0f} s")
+            sys.exit(f"{purpose} did not come within {CONNECTED:.0f} s")
         time.sleep(0.01)
 
 
 def until_told() -> None:
-    """Says that all is ready, and waits for SIGTERM."""
+    """Report that all is ready, and wait for SIGTERM."""
     signal.signal(signal.SIGTERM, lambda *_: None)
     print("ready", flush=True)
     signal.pause()
 
 
 def source(ros: int, topic: str, rate: float, count: int, file: str) -> None:
-    """Publishes Twists whose `linear.x` counts from 1; saves when each was handed over."""
+    """Publish Twists with a count from 1 in `linear.x`; save the time of each publication."""
     node = bare.node(ros, "source")
     twist = bare.message_class("geometry_msgs", "Twist")()
     publisher = node.publisher(topic, type(twist))
@@ -55,8 +55,8 @@ def source(ros: int, topic: str, rate: float, count: int, file: str) -> None:
     start = time.monotonic_ns()
     for number in range(count):
         due = start + int(number * 1e9 / rate)
-        while (rest := due - time.monotonic_ns()) > 0:
-            time.sleep(rest * 1e-9)
+        while (remaining := due - time.monotonic_ns()) > 0:
+            time.sleep(remaining * 1e-9)
         twist.linear.x = number + 1.0
         times[number] = time.monotonic_ns()
         publisher.publish(twist)
@@ -66,7 +66,7 @@ def source(ros: int, topic: str, rate: float, count: int, file: str) -> None:
 
 
 def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
-    """Saves the value of every message, when it came, and how old it was by its stamp."""
+    """Save the value of every message, its arrival and its age by its stamp."""
     node = bare.node(ros, "sink")
     read, rows = operator.attrgetter(field), []
     clock, wall = time.monotonic_ns, time.time_ns
@@ -82,7 +82,7 @@ def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
 
 
 def noise(ros: int, topic: str, rate: float, count: int, readers: int, file: str) -> None:
-    """Publishes Twists of random numbers at random times, the same in every run; saves how many."""
+    """Publish Twists of random numbers at random times, equal in every run; save their number."""
     node = bare.node(ros, "noise")
     twist = bare.message_class("geometry_msgs", "Twist")()
     publisher = node.publisher(topic, type(twist))
@@ -94,11 +94,11 @@ def noise(ros: int, topic: str, rate: float, count: int, readers: int, file: str
     values = random.random((count, 2)).tolist()
     start = time.monotonic_ns()
     for due, (x, z) in zip(dues, values, strict=True):
-        while (rest := start + due - time.monotonic_ns()) > 0:
-            time.sleep(rest * 1e-9)
+        while (remaining := start + due - time.monotonic_ns()) > 0:
+            time.sleep(remaining * 1e-9)
         twist.linear.x, twist.angular.z = x, z
         publisher.publish(twist)
-    time.sleep(0.3)  # less than an input takes to be stale
+    time.sleep(0.3)  # shorter than the time until an input is stale
     np.save(file, count)
     node.close()
 
@@ -120,7 +120,7 @@ def listener(ros: int, topic: str, file: str) -> None:
 
 
 def evaluator(ros: int, topic: str, outputs: dict[str, str], file: str) -> None:
-    """Saves messages of the input and of outputs, and when they came; see `agree.compare`."""
+    """Save messages of the input and of outputs, and their arrivals; see `agree.compare`."""
     node = bare.node(ros, "evaluator")
     wall, bits = time.time_ns, struct.Struct("<d")
     of_number = struct.Struct("<q")
@@ -143,7 +143,7 @@ def evaluator(ros: int, topic: str, outputs: dict[str, str], file: str) -> None:
     node.subscribe(topic, bare.message_class("geometry_msgs", "Twist"), receive)
     until_told()
     tables = {"messages": messages, **rows}
-    arrays = {name: np.array(each, np.int64).reshape(-1, 3) for name, each in tables.items()}
+    arrays = {name: np.array(rows, np.int64).reshape(-1, 3) for name, rows in tables.items()}
     np.savez(file.replace(".npy", ".npz"), **arrays)
     node.close()
 
@@ -179,10 +179,10 @@ def told(ros: int, file: str) -> None:
 
 
 def ticks(ros: int, topics: list[str], rate: float, seconds: float, file: str) -> None:
-    """Publishes a stamped number on every topic, once a period, with nothing judged.
+    """Publish a stamped number on every topic once a period, without any evaluation.
 
-    Saves how many periods there were, how many were late, which is when the next was due already,
-    and the seconds of processor time.
+    Save the number of periods, the number of late ones, which end after the next was due, and the
+    processor time in seconds.
     """
     node = bare.node(ros, "ticks")
     kind = bare.message_class("geometry_msgs", "PointStamped")
@@ -195,8 +195,8 @@ def ticks(ros: int, topics: list[str], rate: float, seconds: float, file: str) -
     count = round(seconds * rate)
     for number in range(1, count + 1):
         due = start + number * period
-        while (rest := due - time.time_ns()) > 0:
-            time.sleep(rest * 1e-9)
+        while (remaining := due - time.time_ns()) > 0:
+            time.sleep(remaining * 1e-9)
         late += time.time_ns() >= due + period
         for publisher in publishers:
             message = kind()
@@ -209,7 +209,7 @@ def ticks(ros: int, topics: list[str], rate: float, seconds: float, file: str) -
 
 
 def relay(ros: int, topic: str, to: str) -> None:
-    """Passes the number of a Twist on as a Float64, the least that a monitor could do."""
+    """Publish the number of a Twist as a Float64, the minimum work of a monitor."""
     node = bare.node(ros, "relay")
     value = bare.message_class("std_msgs", "Float64")()
     publisher = node.publisher(to, type(value))
@@ -235,11 +235,11 @@ def hour(
     pid: int,
     file: str,
 ) -> None:
-    """Publishes ten Twists and 0.1 s of ``/clock`` a step, as fast as the node answers a step.
+    """Publish ten Twists and 0.1 s of ``/clock`` per step, at the speed of the node's answers.
 
-    An answer is the value of the last Twist where the node answers every one, else any value, for
-    a tick may come before a Twist that was sent earlier. Saves when a step was answered, 0 if it
-    was not, and the memory of the node then.
+    The answer is the value of the last Twist if the node answers every one. Otherwise it is any
+    value, because a tick may arrive before a Twist that was sent earlier. Save the time of each
+    answer, 0 without an answer, and the memory of the node then.
     """
     node = bare.node(ros, "hour")
     twist = bare.message_class("geometry_msgs", "Twist")()

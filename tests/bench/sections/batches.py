@@ -1,4 +1,4 @@
-"""Many signals in batches."""
+"""Batches of many signals."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from report import Row, Table
 NUMBERS = (64, 1_024, 4_096)
 SLOW = ("python", "sentil")
 
-THERE = 12  # ns, the floor at any number of entries where the targets were set
+THERE = 12  # ns, the floor at any number of entries on the machine of the targets
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`VectorMonitor` and `VectorEpisodeMonitor`; a peer is a Python loop over its monitors."""
+    """Measure `VectorMonitor` and `VectorEpisodeMonitor`; a peer is a loop over its monitors."""
     subjects = setting.subjects()
-    for other in ("mstlo", "reelay"):  # far behind already in single updates
+    for other in ("mstlo", "reelay"):  # already much slower in single updates
         subjects.pop(other, None)
     try:
         yield monitors(setting, subjects)
@@ -28,7 +28,7 @@ def measure(setting: Setting) -> Iterator[Table]:
 
 
 def monitors(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """The sliding minimum, and the cost of a call for a single entry."""
+    """Measure the window minimum, and the cost of a call for a single entry."""
     table = Table("VectorMonitor.update, W1", "ns an entry")
     for k in (100, 1_000):
         for num in NUMBERS:
@@ -47,7 +47,7 @@ def monitors(setting: Setting, subjects: dict[str, Subject]) -> Table:
 
 
 def episodes(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """Value and bounds of every episode."""
+    """Measure values and bounds of every episode."""
     table = Table("VectorEpisodeMonitor.update; +read: bounds and verdict too", "ns an entry")
     cases = (("always(a + b > -2)", "w1", "invariant"), ("resp", "resp", "resp"))
     for label, kind, formula in cases:
@@ -71,7 +71,7 @@ def row(
     case: dict[str, Any],
     **more: object,
 ) -> None:
-    """Measure a case by every subject and add the figures to a table."""
+    """Measure a case with every subject and add the figures to a table."""
     repeats = 3 if setting.quick else 9
     entries = {
         column: (

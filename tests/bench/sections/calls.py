@@ -1,4 +1,4 @@
-"""Short traces: one call each, and all in one call; every tool must give the same robustness."""
+"""Short traces, in one call each and all in one call; all tools must return equal robustness."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMS = {
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`evaluate`, `judge` and `judge_many` beside one robustness call of sentil."""
+    """Measure `evaluate`, `judge` and `judge_many` against one robustness call of sentil."""
     count, repeats = (200, 20) if setting.quick else (1_000, 100)
     subject = setting.project()
     columns = {"rtamt": (subject, {})}

@@ -18,7 +18,7 @@ OFFLINE = 40
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`rtamt.dense`: `Monitor.update` by events and by chunks, `evaluate` of whole signals."""
+    """Measure `rtamt.dense`: `Monitor.update` by events and by chunks, `evaluate` of signals."""
     subjects = setting.subjects()
     seconds, repeats = (0.002, 3) if setting.quick else (0.01, 9)
     table = Table("DenseMonitor.update with 1 event, with 100 as arrays", "ns an event")
@@ -30,11 +30,11 @@ def measure(setting: Setting) -> Iterator[Table]:
     yield table
 
     n = 200_000 if setting.quick else 1_000_000
-    whole = Table(f"evaluate_dense, {n:,} events of each variable", "ns an event")
+    offline = Table(f"evaluate_dense, {n:,} events of each variable", "ns an event")
     for kind in KINDS:
         case = {"what": "dense offline", "kind": kind, "n": n}
-        row(whole, kind, OFFLINE, subjects, case, min(repeats, 5))
-    yield whole
+        row(offline, kind, OFFLINE, subjects, case, min(repeats, 5))
+    yield offline
     for subject in subjects.values():
         subject.stop()
 
@@ -47,7 +47,7 @@ def row(
     case: dict[str, object],
     repeats: int,
 ) -> None:
-    """Measure a case by every subject that can, and add the figures to a table."""
+    """Measure a case with every subject that supports it, and add the figures to a table."""
     entries = {name: (who, case | {"backend": name}) for name, who in subjects.items()}
     if "n" in case and "python" in entries:
         entries["python"][1]["n"] = 20_000  # linear, and slow

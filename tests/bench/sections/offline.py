@@ -1,4 +1,4 @@
-"""Whole traces."""
+"""Evaluation of complete traces."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ CASES = (("w1", 1_000, 4), ("resp", 0, 8), ("nested", 0, 15))
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`evaluate` of a million samples."""
+    """Measure `evaluate` of a million samples."""
     n, repeats = (200_000, 2) if setting.quick else (1_000_000, 7)
     subjects = setting.subjects()
-    for slow in ("mstlo", "reelay"):  # sample by sample only: see their updates
+    for slow in ("mstlo", "reelay"):  # no offline evaluation: see their updates
         subjects.pop(slow, None)
     if floor := setting.reference():
         subjects["numpy"] = floor

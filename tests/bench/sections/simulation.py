@@ -1,4 +1,4 @@
-"""Time that a monitor adds to `mj_step`, to steps of environments, and to `doStep` of FMUs."""
+"""The time that a monitor adds to `mj_step`, to environment steps, and to `doStep` of FMUs."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ MODELS = {
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """Steps of a model, by what is read; of an environment, by where samples are taken; of FMUs.
-
-    And whole episodes of a policy.
-    """
+    """Measure steps of models, environments and FMUs, and episodes of a policy."""
     yield models(setting)
     yield environments(setting)
     yield units(setting)
@@ -27,20 +24,20 @@ def measure(setting: Setting) -> Iterator[Table]:
 
 
 def compete(setting: Setting, cases: dict[str, dict[str, Any]], table: Table) -> Figures:
-    """One process for each case."""
+    """Return one process for each case."""
     subjects = {name: setting.project("simulations") for name in cases}
-    found = race(
+    results = race(
         {name: (subjects[name], case) for name, case in cases.items()},
         3 if setting.quick else 9,
         table.notes,
     )
     for subject in subjects.values():
         subject.stop()
-    return found
+    return results
 
 
 def models(setting: Setting) -> Table:
-    """Added time of a step of the physics, one specification."""
+    """Measure the added time of a step of the physics, with one specification."""
     table = Table("StepMonitor, added to mj_step", "us")
     for name, (signal, steps) in MODELS.items():
         case = {"what": "model", "model": name, "steps": steps}
@@ -51,24 +48,24 @@ def models(setting: Setting) -> Table:
         if name == "half_cheetah":
             cases["contact"] = {**case, "signal": "contact:ffoot,floor"}
             cases["forward"] = {**case, "signal": "body:torso.xpos[2]", "forward": True}
-        found = compete(setting, cases, table)
-        if "bare" not in found:
+        results = compete(setting, cases, table)
+        if "bare" not in results:
             continue
-        bare = found["bare"][0]
+        bare = results["bare"][0]
         table.rows.append(Row(f"{name}, bare mj_step", {"rtamt": bare / 1e3}))
         for who, label, target in (
             ("one", "  one spec", 0.4),
             ("contact", "  one spec of a contact", None),
             ("forward", "  one spec, forward=True", None),
         ):
-            if who in found:
-                added = (found[who][0] - bare) / 1e3
+            if who in results:
+                added = (results[who][0] - bare) / 1e3
                 table.rows.append(Row(label, {"rtamt": added}, target))
     return table
 
 
 def environments(setting: Setting) -> Table:
-    """Added time of a step of an environment, one specification."""
+    """Measure the added time of a step of an environment, with one specification."""
     table = Table("StlMonitor, added to env.step, without and with substeps=True", "us")
     for name, signal, frames in (
         ("Reacher-v5", "qpos[1]", 2),
@@ -76,7 +73,7 @@ def environments(setting: Setting) -> Table:
         ("HumanoidStandup-v5", "qpos[2]", 5),
     ):
         case = {"what": "environment", "env": name, "steps": 200}
-        found = compete(
+        results = compete(
             setting,
             {
                 "bare": {**case, "signal": None},
@@ -85,25 +82,25 @@ def environments(setting: Setting) -> Table:
             },
             table,
         )
-        if "bare" not in found:
+        if "bare" not in results:
             continue
-        bare = found["bare"][0]
+        bare = results["bare"][0]
         table.rows.append(Row(f"{name}, bare step", {"rtamt": bare / 1e3}))
         for who, label in (
             ("steps", "  a sample a step"),
             ("substeps", f"  a sample a sub-step, {frames} of them"),
         ):
-            if who in found:
-                table.rows.append(Row(label, {"rtamt": (found[who][0] - bare) / 1e3}))
+            if who in results:
+                table.rows.append(Row(label, {"rtamt": (results[who][0] - bare) / 1e3}))
     return table
 
 
 def units(setting: Setting) -> Table:
-    """Time of a communication step of an FMU, by FMPy alone and by `simulate`."""
+    """Measure a communication step of an FMU, with FMPy alone and with `simulate`."""
     table = Table("an FMU: FMPy's doStep and a read, and simulate with all its records", "us")
     for version in (2, 3):
         case = {"what": "fmu", "version": version, "steps": 2_000}
-        found = compete(
+        results = compete(
             setting,
             {
                 "bare": {**case, "specs": None},
@@ -117,17 +114,17 @@ def units(setting: Setting) -> Table:
             ("one", "  simulate, one spec"),
             ("two", "  simulate, two specs"),
         ):
-            if who in found:
-                table.rows.append(Row(label, {"rtamt": found[who][0] / 1e3}))
+            if who in results:
+                table.rows.append(Row(label, {"rtamt": results[who][0] / 1e3}))
     return table
 
 
 def episodes(setting: Setting) -> Table:
-    """Time of a step of `evaluate_policy`, beside a loop of the same policy without monitors."""
+    """Measure a step of `evaluate_policy` against a loop of the same policy without monitors."""
     table = Table("evaluate_policy on CartPole, a step of an episode", "us")
     for policy, label in (("good", "500 steps"), ("bad", "9 steps")):
         case = {"what": "episodes", "policy": policy, "episodes": 20 if policy == "good" else 500}
-        found = compete(
+        results = compete(
             setting,
             {
                 "bare": {**case, "specs": None},
@@ -148,6 +145,6 @@ def episodes(setting: Setting) -> Table:
             ("one", "  evaluate_policy, one requirement"),
             ("three", "  evaluate_policy, three requirements"),
         ):
-            if who in found:
-                table.rows.append(Row(words, {"rtamt": found[who][0] / 1e3}))
+            if who in results:
+                table.rows.append(Row(words, {"rtamt": results[who][0] / 1e3}))
     return table

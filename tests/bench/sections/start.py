@@ -23,7 +23,7 @@ TARGETS = {
 
 
 def fresh(*arguments: str) -> dict[str, Any]:
-    """What a fresh process reports."""
+    """Return the report of a new process."""
     command = [sys.executable, "-m", "subjects.start", *arguments]
     done = subprocess.run(
         command, cwd=HERE, env=single_threaded(), capture_output=True, text=True, check=False
@@ -34,7 +34,7 @@ def fresh(*arguments: str) -> dict[str, Any]:
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """The least over fresh processes."""
+    """Measure the minimum over new processes."""
     table, seen = Table("Start, fresh processes", "ms"), []
     try:
         modules = json.dumps(fresh()["modules"])

@@ -1,6 +1,6 @@
-"""Time saved by stopping at the first certain violation instead of judging whole episodes.
+"""The time saved by stopping at the first certain violation instead of the end of the episode.
 
-The verdicts of all episodes are equal; an episode where they are not is an error.
+The verdicts of all episodes must be equal; otherwise, it raises an error.
 """
 
 from __future__ import annotations
@@ -14,19 +14,23 @@ ENVIRONMENTS = ("InvertedPendulum-v5", "HalfCheetah-v5", "Hopper-v5")
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """Simulated and wall time of all episodes of an environment."""
+    """Measure simulated and wall time of all episodes of an environment."""
     episodes = 20 if setting.quick else 200
     table = Table(f"Early stopping, {episodes} episodes; equal verdicts", "s, saved: %")
     for name in ENVIRONMENTS:
         subject = setting.project("stopping")
         case = {"what": "stopping", "env": name, "episodes": episodes}
-        found = race({name: (subject, case)}, 1, table.notes).get(name)
+        results = race({name: (subject, case)}, 1, table.notes).get(name)
         subject.stop()
-        if found is None:
+        if results is None:
             continue
-        violated, *times = found
+        violated, *times = results
         table.notes[name] = f"{violated:.0f} of {episodes} episodes are violated"
-        for kind, (whole, part) in (("simulated", times[:2]), ("wall", times[2:])):
-            figures = {"to the end": whole, "stopped": part, "saved": 100 * (1 - part / whole)}
+        for kind, (complete, part) in (("simulated", times[:2]), ("wall", times[2:])):
+            figures = {
+                "to the end": complete,
+                "stopped": part,
+                "saved": 100 * (1 - part / complete),
+            }
             table.rows.append(Row(f"{name.partition('-')[0]}, {kind}", figures))
     yield table

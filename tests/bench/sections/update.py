@@ -10,11 +10,11 @@ from report import Row, Table
 
 SIZES = {"100": 100, "1k": 1_000, "10k": 10_000, "100k": 100_000, "1M": 1_000_000}
 
-THERE = 24  # ns, the floor at k=100 where the targets were set
+THERE = 24  # ns, the floor at k=100 on the machine of the targets
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """W1 in every argument form, W2 by `Monitor` and by `EpisodeMonitor`."""
+    """Measure W1 in every argument form, W2 with `Monitor` and with `EpisodeMonitor`."""
     subjects = setting.subjects()
     try:
         yield w1(setting, subjects)
@@ -33,7 +33,7 @@ def row(
     target: float | None,
     **case: Any,  # noqa: ANN401 - what JSON holds
 ) -> None:
-    """Measure a case by every subject and add the figures to a table."""
+    """Measure a case with every subject and add the figures to a table."""
     seconds, repeats = (0.002, 3) if setting.quick else (0.01, 9)
     case = {"what": "update", "form": "positional", "fill": 400, "seconds": seconds} | case
     entries = {
@@ -50,13 +50,13 @@ def row(
 
 
 def w1(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """The sliding minimum, in windows so long that only a constant cost is bearable."""
+    """Measure the window minimum, in windows so long that only a constant cost is practical."""
     title = "Monitor.update, always[0:k](a + b > -2); python: at most 2k"
     table = Table(title, "ns")
     for name, k in SIZES.items():
         if setting.quick and k not in (100, 100_000):
             continue
-        # filling the window takes the slow tools longer than all else here
+        # to fill the window, the slow tools need longer than all other parts
         slow = ("python", "mstlo", "reelay") if setting.quick and k > 100 else ()
         size = {"kind": "w1", "k": k, "fill": k + 1, "without": slow}
         row(setting, subjects, table, f"k={name}", 35, **size)
@@ -86,7 +86,7 @@ W2 = (
 
 
 def w2(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """Responses, nested windows, until and since."""
+    """Measure responses, nested windows, until and since."""
     table = Table("Monitor.update, W2; python: at most 6k", "ns")
     for label, case, target in W2:
         slow = ("sentil", "mstlo") if setting.quick and label == "until w=10k" else ()
@@ -98,8 +98,8 @@ EPISODE_TARGETS = {"resp": 200, "nested": 600, "until w=100": 150, "until w=10k"
 
 
 def episodes(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """Value, bounds and verdict of an episode; of the peers, those that know bounds."""
-    subjects = {column: found for column, found in subjects.items() if column != "reelay"}
+    """Measure value, bounds and verdict of an episode; only peers with bounds take part."""
+    subjects = {column: subject for column, subject in subjects.items() if column != "reelay"}
     title = "EpisodeMonitor.update; +read: lower, upper and verdict are read too"
     table = Table(title, "ns")
     plain = {"monitor": "episode", "form": "positional"}
@@ -109,7 +109,7 @@ def episodes(setting: Setting, subjects: dict[str, Subject]) -> Table:
     for label, case, _ in W2:
         if setting.quick and "10k" in label:
             continue
-        # intervals of every pending instant: seconds an update
+        # intervals of every pending instant: seconds per update
         slow = ("mstlo",) if label == "until w=10k" else ()
         chosen = case | plain | {"without": slow}
         target = EPISODE_TARGETS.get(label, 150)

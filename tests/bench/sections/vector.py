@@ -1,4 +1,4 @@
-"""Time that a monitor adds to the step of a vector environment."""
+"""The time that a monitor adds to the step of a vector environment."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TARGET = 20  # us, for one specification in 1,024 environments
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """`VectorStlMonitor` beside the wrapper of Gymnasium that records returns and lengths."""
+    """Measure `VectorStlMonitor` against Gymnasium's wrapper that records returns and lengths."""
     table = Table("VectorStlMonitor, added to a step of N CartPoles", "us")
     table.notes["gymnasium"] = "its vector RecordEpisodeStatistics"
     for num in (64, 1_024):
@@ -21,14 +21,14 @@ def measure(setting: Setting) -> Iterator[Table]:
                 who: (subject, {"what": "steps", "num": num, "ends": ends, "who": who})
                 for who, subject in subjects.items()
             }
-            found = race(entries, 3 if setting.quick else 9, table.notes)
+            results = race(entries, 3 if setting.quick else 9, table.notes)
             for subject in subjects.values():
                 subject.stop()
-            if "bare" not in found:
+            if "bare" not in results:
                 continue
-            bare = found.pop("bare")[0]
+            bare = results.pop("bare")[0]
             when = "poles fall" if ends else "none falls"
-            added = {WHO[who]: (seen[0] - bare) / 1e3 for who, seen in found.items()}
+            added = {WHO[who]: (seen[0] - bare) / 1e3 for who, seen in results.items()}
             target = TARGET if num == 1_024 and not ends else None
             table.rows.append(Row(f"N={num}, {when}", added, target))
     yield table

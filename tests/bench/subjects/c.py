@@ -1,4 +1,4 @@
-"""The floor: the same work in C, called from Python in the cheapest way; whole traces in numpy."""
+"""The floor: the same work in C, called from Python with minimum cost; complete traces in NumPy."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ def offline(case: worker.Case) -> worker.Measure:
 
 
 def window(x: Any, reach: int, fold: np.ufunc) -> Any:  # noqa: ANN401
-    """A fold over [t, t + reach] by doubling; the trace is padded with its last value."""
+    """Return a fold over [t, t + reach] by doubling; the last value pads the trace."""
     x = np.concatenate([x, np.full(reach, x[-1])])
     length = 1
     while 2 * length <= reach + 1:
         x = fold(x[:-length], x[length:])
         length *= 2
-    rest = reach + 1 - length
-    return fold(x[: len(x) - rest], x[rest:])
+    remainder = reach + 1 - length
+    return fold(x[: len(x) - remainder], x[remainder:])
 
 
 def always(x: Any) -> Any:  # noqa: ANN401

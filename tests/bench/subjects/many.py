@@ -26,7 +26,7 @@ SPECS = {
 
 
 def measure(case: worker.Case) -> worker.Measure:
-    """Seconds of pyarrow's minimum, of judgements from the file and in memory, and of a command."""
+    """Return seconds of pyarrow's minimum, of judgements from file and memory, and of a command."""
     specs, traces = SPECS[case["kind"]], case["traces"]
     rng = np.random.default_rng(0)
     lengths = rng.integers(1, 400, size=traces)
@@ -54,14 +54,14 @@ def measure(case: worker.Case) -> worker.Measure:
             main(["monitor", *specs, "--by", "id", "--", str(path)])
 
     def run() -> list[float]:
-        assert folder.name  # it lasts as long as the measure
+        assert folder.name  # keeps the folder as long as the measure
         return [seconds(grouped), seconds(file), seconds(memory), seconds(command)]
 
     return run
 
 
 def seconds(function: Callable[[], None]) -> float:
-    """How long a call takes."""
+    """Return the duration of a call."""
     begin = time.perf_counter()
     function()
     return time.perf_counter() - begin

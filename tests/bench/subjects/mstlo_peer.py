@@ -1,4 +1,4 @@
-"""mstlo: a signal at a time; delayed values, or intervals (RoSI) where an episode is bounded."""
+"""mstlo: one signal at a time; delayed values, or intervals (RoSI) for bounded episodes."""
 
 from __future__ import annotations
 

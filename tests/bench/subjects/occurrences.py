@@ -23,7 +23,7 @@ BODIES = {
 
 
 def signals(n: int, *, dense: bool, alternating: bool = False) -> dict[str, Any]:
-    """Random values of two variables; in dense time at irregular times.
+    """Return random values of two variables; in dense time at irregular times.
 
     Args:
         n: The number of samples, or of events of each variable.
@@ -42,23 +42,23 @@ def signals(n: int, *, dense: bool, alternating: bool = False) -> dict[str, Any]
 
 
 def best(function: Callable[[], object], times: int) -> float:
-    """Least processor time of some calls, in microseconds; a busy machine adds to wall time."""
-    found = []
+    """Return the minimum processor time of several calls, in microseconds."""
+    seconds = []
     for _ in range(times):
         begin = time.process_time()
         function()
-        found.append(time.process_time() - begin)
-    return 1e6 * min(found)
+        seconds.append(time.process_time() - begin)
+    return 1e6 * min(seconds)
 
 
 def measure(case: worker.Case) -> worker.Measure:
-    """Time of verdict and body, time of occurrences, and the number of their rows."""
+    """Return the times of verdict with body and of occurrences, and the number of rows."""
     body, n, times, dense = BODIES[case["kind"]], case["n"], case["times"], case["dense"]
     trace = signals(n, dense=dense, alternating=case["kind"] == "alternating")
     spec = f"always({body})"
     api: Any = rtamt.dense if dense else rtamt
-    (found,) = api.occurrences(spec, trace).bodies
-    rows = float(len(found.violations) + len(found.responses))
+    (body,) = api.occurrences(spec, trace).bodies
+    rows = float(len(body.violations) + len(body.responses))
 
     def run() -> list[float]:
         base = best(lambda: api.judge(spec, trace), times)

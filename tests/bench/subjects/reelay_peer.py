@@ -1,4 +1,4 @@
-"""reelay: past operators only, samples as mappings; the future ones are delayed by hand."""
+"""reelay: past operators only, samples as mappings; future operators are delayed by hand."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def dense(case: worker.Case) -> worker.Measure:
 
     def one(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
         signals = traces.summed(kind, trace)
-        time = float(times[0]) + 0.001  # it begins at 0
+        time = float(times[0]) + 0.001  # it starts at 0
         return {"time": time, **{name: float(v[0]) for name, v in signals.items()}}
 
     return worker.events(case, feeder(monitor.update), one, len(traces.VARIABLES[kind]))

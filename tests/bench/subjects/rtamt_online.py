@@ -1,4 +1,4 @@
-"""The project: updates, whole traces and memory, through its public names."""
+"""The project: updates, complete traces and memory, through its public names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMULAS = {
 
 
 def monitor(case: worker.Case) -> Any:  # noqa: ANN401 - either of the monitors
-    """The monitor of a case; an episode's formula speaks of the whole episode."""
+    """Return the monitor of a case; the formula of an episode covers the whole episode."""
     text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
     if case.get("monitor") != "episode":
         return rtamt.Monitor(text, backend=case["backend"])
@@ -34,7 +34,7 @@ def monitor(case: worker.Case) -> Any:  # noqa: ANN401 - either of the monitors
 
 
 def inputs(form: str) -> Callable[[traces.Columns, int], Any]:
-    """How the samples of a form are made before they are timed."""
+    """Return the function that builds the samples of a form before they are timed."""
 
     def made(trace: traces.Columns, _start: int) -> Any:  # noqa: ANN401
         if form == "array":
@@ -49,7 +49,7 @@ def inputs(form: str) -> Callable[[traces.Columns, int], Any]:
 
 
 def feeder(form: str, machine: Any, names: Sequence[str]) -> Callable[[Any], object]:  # noqa: ANN401
-    """A tight loop over samples, in an argument form."""
+    """Return a tight loop over samples, in an argument form."""
     update = machine.update
 
     def positional(data: Any) -> None:  # noqa: ANN401
@@ -104,7 +104,7 @@ def offline(case: worker.Case) -> worker.Measure:
 
 
 def dense(case: worker.Case) -> worker.Measure:
-    """Events one at a time as pairs, and in chunks as arrays."""
+    """Measure single events as pairs, and chunks as arrays."""
     machine = rtamt.dense.Monitor(KINDS[case["kind"]], backend=case["backend"])
 
     def pairs(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401

@@ -1,4 +1,4 @@
-"""MuJoCo models of Gymnasium, environments of them, and FMUs: bare or under a monitor."""
+"""MuJoCo models of Gymnasium, environments of them, and FMUs: bare or with a monitor."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ SUPPORT = Path(__file__).parents[2] / "support"
 
 
 def model(case: worker.Case) -> worker.Measure:
-    """Nanoseconds for a ``mj_step``, from the same state in every measure."""
+    """Return nanoseconds per ``mj_step``, from the same state in every measurement."""
     import rtamt_gym
 
-    made = mujoco.MjModel.from_xml_path(str(ASSETS / f"{case['model']}.xml"))
-    data = mujoco.MjData(made)
+    model = mujoco.MjModel.from_xml_path(str(ASSETS / f"{case['model']}.xml"))
+    data = mujoco.MjData(model)
     steps, signal = case["steps"], case["signal"]
     if signal is None:
 
         def run() -> None:
             for _ in range(steps):
-                mujoco.mj_step(made, data)
+                mujoco.mj_step(model, data)
 
         reset = lambda: None  # noqa: E731
     else:
         monitor = rtamt_gym.StepMonitor(
-            made, data, SPEC, {"x": signal}, forward=case.get("forward", False)
+            model, data, SPEC, {"x": signal}, forward=case.get("forward", False)
         )
         reset = monitor.reset
 
@@ -45,7 +45,7 @@ def model(case: worker.Case) -> worker.Measure:
     def measure() -> float:
         best = float("inf")
         for _ in range(5):
-            mujoco.mj_resetData(made, data)
+            mujoco.mj_resetData(model, data)
             reset()
             begin = time.perf_counter_ns()
             run()
@@ -56,7 +56,7 @@ def model(case: worker.Case) -> worker.Measure:
 
 
 def environment(case: worker.Case) -> worker.Measure:
-    """Nanoseconds for a step of an environment."""
+    """Return nanoseconds per step of an environment."""
     import rtamt_gym
 
     env: Any = gym.make(case["env"], max_episode_steps=100_000, disable_env_checker=True)
@@ -82,7 +82,7 @@ def environment(case: worker.Case) -> worker.Measure:
 
 
 def fmu(case: worker.Case) -> worker.Measure:
-    """Nanoseconds for a step of the tank of the tests, whose level is read."""
+    """Return nanoseconds per step of the tank of the tests, whose level is read."""
     sys.path.insert(0, str(SUPPORT))
     import fmpy
     import fmus
@@ -120,7 +120,7 @@ def fmu(case: worker.Case) -> worker.Measure:
         return time.perf_counter_ns() - begin
 
     def simulated() -> float:
-        # What loading costs does not depend on the steps: it is taken off.
+        # The cost of loading does not depend on the steps, so subtract it.
         loading = min(took(1) for _ in range(3))
         return (min(took(1 + steps) for _ in range(3)) - loading) / steps
 
@@ -128,7 +128,7 @@ def fmu(case: worker.Case) -> worker.Measure:
 
 
 def episodes(case: worker.Case) -> worker.Measure:
-    """Nanoseconds for a step of episodes of a policy, in a bare loop or by `evaluate_policy`."""
+    """Return nanoseconds per step of a policy, in a bare loop or with `evaluate_policy`."""
     import rtamt_gym
 
     env: Any = gym.make("CartPole-v1")

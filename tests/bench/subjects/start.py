@@ -1,6 +1,6 @@
-"""Times of a fresh process: imports, the first parse, formulas that are large. Prints them in ms.
+"""Print times of a new process in ms: imports, the first parse, large formulas.
 
-Arguments: nothing, or the modules (JSON) that the first parse loads, to be loaded before it.
+Arguments: nothing, or the modules (JSON) of the first parse, to be loaded before it.
 """
 
 import json

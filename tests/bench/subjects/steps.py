@@ -1,4 +1,4 @@
-"""Gymnasium's CartPole and Pendulum for 5,000 steps, bare or under a monitor."""
+"""Gymnasium's CartPole and Pendulum for 5,000 steps, bare or with a monitor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def make(name: str) -> Any:  # noqa: ANN401
 
 
 def actions(name: str) -> list[Any]:
-    """Actions that keep the pole up; torques of nothing for the pendulum."""
+    """Return actions that keep the pole up; zero torques for the pendulum."""
     if name == "Pendulum-v1":
         return [np.zeros(1, dtype=np.float32)] * STEPS
     env, chosen = make(name), []
@@ -71,7 +71,7 @@ def wrapped(name: str, who: str) -> Any:  # noqa: ANN401
 
 
 def steps(case: worker.Case) -> worker.Measure:
-    """Nanoseconds a step: of the first 1,000 steps, of the last 1,000, of all."""
+    """Return nanoseconds per step: of the first 1,000 steps, of the last 1,000, of all."""
     env, chosen = wrapped(case["env"], case["who"]), actions(case["env"])
 
     def timed(some: list[Any]) -> float:
@@ -95,7 +95,7 @@ def steps(case: worker.Case) -> worker.Measure:
 
 
 def episode(_case: worker.Case) -> worker.Measure:
-    """Nanoseconds for a monitor built from a specification and from text, a wrapper, its reset."""
+    """Return nanoseconds for a monitor from a specification and from text, a wrapper, its reset."""
     import rtamt
     import rtamt_gym
 

@@ -1,4 +1,4 @@
-"""Episodes of MuJoCo environments, judged as a whole or stopped at a certain violation."""
+"""Episodes of MuJoCo environments, judged at the end or stopped at a certain violation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Policy = Callable[[Any], Any]
 
 
 def pendulum(seed: int) -> Policy:
-    """Balances, goes 0.5 m aside at 2 s, and comes back sooner or later."""
+    """Balance, move 0.5 m aside at 2 s, and return after a varying time."""
     leave, step = np.random.default_rng(seed).uniform(3.0, 30.0), 0
 
     def act(obs: Any) -> Any:  # noqa: ANN401
@@ -30,7 +30,7 @@ def pendulum(seed: int) -> Policy:
 
 
 def cheetah(seed: int) -> Policy:
-    """Gallops: every joint swings at one frequency, with a phase of its own."""
+    """Gallop: every joint swings at one frequency, with its own phase."""
     rng = np.random.default_rng(seed)
     phases, strength, step = rng.uniform(0.0, 2 * np.pi, 6), rng.uniform(0.2, 1.0), 0
 
@@ -43,7 +43,7 @@ def cheetah(seed: int) -> Policy:
 
 
 def hopper(seed: int) -> Policy:
-    """Twitches until it falls, which ends the episode."""
+    """Twitch until it falls, which ends the episode."""
     rng = np.random.default_rng(seed)
     return lambda _obs: rng.uniform(-0.3, 0.3, 3)
 
@@ -74,7 +74,7 @@ CASES: dict[str, tuple[Callable[[int], Policy], dict[str, str], dict[str, Any]]]
 
 
 def to_the_end(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN401
-    """Runs a whole episode and evaluates it; whether it was violated, and its steps."""
+    """Run a complete episode and evaluate it; return whether it was violated, and its steps."""
     make, specs, signals = CASES[name]
     policy, columns = make(seed), {variable: [] for variable in signals}
     places = [(columns[v].append, int(s[4:-1])) for v, s in signals.items()]
@@ -93,29 +93,29 @@ def to_the_end(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN
 
 
 def stopped(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN401
-    """Runs an episode until a violation is certain; whether there was one, and its steps."""
+    """Run an episode until a violation is certain; return whether there was one, and its steps."""
     make, specs, signals = CASES[name]
     run = simulate(env, specs, signals, policy=make(seed), seed=seed)
     return run.verdict < 0, run.steps
 
 
 def measure(case: worker.Case) -> worker.Measure:
-    """Episodes violated, simulated and wall time of both ways; the verdicts must be equal."""
+    """Return violated episodes, simulated and wall time of both methods; verdicts must be equal."""
     name, episodes = case["env"], case["episodes"]
     env = gym.make(name, disable_env_checker=True)
-    ways = (to_the_end, stopped)
-    for way in ways:  # once before the clock runs: imports, parsers
-        way(env, name, 0)
+    methods = (to_the_end, stopped)
+    for method in methods:  # once before the clock runs: imports, parsers
+        method(env, name, 0)
 
     def run() -> list[float]:
         violated, steps, wall = 0, [0, 0], [0.0, 0.0]
         for seed in range(episodes):
             verdicts = []
-            for i, way in enumerate(ways):
+            for i, method in enumerate(methods):
                 begin = time.perf_counter()
-                verdict, made = way(env, name, seed)
+                verdict, count = method(env, name, seed)
                 wall[i] += time.perf_counter() - begin
-                steps[i] += made
+                steps[i] += count
                 verdicts.append(verdict)
             if verdicts[0] != verdicts[1]:
                 msg = f"episode {seed}: violated {verdicts[0]} offline, {verdicts[1]} online"

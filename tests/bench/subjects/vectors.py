@@ -28,7 +28,7 @@ def make(num: int) -> Any:  # noqa: ANN401
 
 
 def actions(num: int, *, ends: bool) -> list[Any]:
-    """Actions: random ones, under which poles keep falling, or ones that keep all poles up."""
+    """Return random actions, under which poles keep falling, or actions that keep all poles up."""
     if ends:
         return list(np.random.default_rng(1).integers(0, 2, (STEPS, num)))
     env, chosen = make(num), []
@@ -46,7 +46,11 @@ def monitored(env: Any, count: int, **options: Any) -> Any:  # noqa: ANN401
     import rtamt_gym
 
     specs = dict(list(SPECS.items())[:count])
-    read = {name: at for name, at in SIGNALS.items() if any(name in s for s in specs.values())}
+    read = {
+        name: selector
+        for name, selector in SIGNALS.items()
+        if any(name in s for s in specs.values())
+    }
     return rtamt_gym.VectorStlMonitor(env, specs, read, period=1, **options)
 
 
@@ -61,7 +65,7 @@ WRAPPED: dict[str, Callable[[Any], Any]] = {
 
 
 def steps(case: worker.Case) -> worker.Measure:
-    """Nanoseconds a step of all environments."""
+    """Return nanoseconds per step of all environments."""
     env = WRAPPED[case["who"]](make(case["num"]))
     chosen = actions(case["num"], ends=case["ends"])
 

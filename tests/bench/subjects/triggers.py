@@ -1,4 +1,4 @@
-"""Judgements of responses, with and without how often they were put to the test."""
+"""Judgements of responses, with and without the number of triggers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SPECS = {
 
 
 def measure(case: worker.Case) -> worker.Measure:
-    """Microseconds of a judgement, of reading ``asked`` from it, and of `Implications.evidence`."""
+    """Return microseconds of a judgement, of its triggers, and of `Implications.evidence`."""
     spec, n, dense = rtamt.parse(SPECS[case["kind"]]), case["n"], case["dense"]
     req, gnt = np.zeros(n), np.zeros(n)
     req[2::10], gnt[4::10] = 4.0, 5.0
@@ -35,17 +35,17 @@ def measure(case: worker.Case) -> worker.Measure:
         figures = []
         for _ in range(case["times"]):
             begin = time.perf_counter()
-            found = judge(spec, signals)
+            judgement = judge(spec, signals)
             judged = time.perf_counter()
-            _ = found.triggers
+            _ = judgement.triggers
             read = time.perf_counter()
             counted.evidence(signals, "cut", verdict)  # type: ignore[arg-type]
             end = time.perf_counter()
             figures.append((judged - begin, read - judged, end - read))
-        return [1e6 * float(each) for each in np.min(figures, axis=0)]
+        return [1e6 * float(seconds) for seconds in np.min(figures, axis=0)]
 
     return run
 
 
 if __name__ == "__main__":
-    worker.serve({"asked": measure})
+    worker.serve({"triggers": measure})
