@@ -7,12 +7,12 @@ from rtamt.inputs.events import Events
 from rtamt.monitors.dense_monitor import DenseEpisodeMonitor as EpisodeMonitor
 from rtamt.monitors.dense_monitor import DenseMonitor as Monitor
 from rtamt.monitors.evaluation import evaluate_dense as evaluate
+from rtamt.monitors.evidence import DenseTriggerCount as TriggerCount
 from rtamt.monitors.explainer import explain_dense as explain
 from rtamt.monitors.explanation import DenseExplanation as Explanation
-from rtamt.monitors.implications import DenseImplications as Implications
+from rtamt.monitors.judgement import DenseImplications as Implications
 from rtamt.monitors.judgement import judge_dense as judge
 from rtamt.monitors.occurrences import occurrences_dense as occurrences
-from rtamt.monitors.triggers import DenseTriggerCount as TriggerCount
 
 __all__ = [
     "EpisodeMonitor",

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from rtamt.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from rtamt.monitors.evidence import Evidence, TriggerCount, Unrecorded
     from rtamt.monitors.explanation import Contribution
-    from rtamt.monitors.implications import Implications
+    from rtamt.monitors.judgement import Implications
     from rtamt.monitors.judgements import Judgements, TriggerColumns
     from rtamt.monitors.occurrence_table import (
         BodyOccurrences,
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
         RunTable,
         UnknownRun,
     )
-    from rtamt.monitors.triggers import Evidence, TriggerCount
-    from rtamt.monitors.unrecorded import Unrecorded
 
 __all__ = [
     "BodyOccurrences",
@@ -39,10 +38,10 @@ if not TYPE_CHECKING:  # a type checker would accept any name
     __getattr__ = lazy_names(
         __name__,
         {
-            "Unrecorded": "rtamt.monitors.unrecorded.Unrecorded",
+            "Unrecorded": "rtamt.monitors.evidence.Unrecorded",
             "Contribution": "rtamt.monitors.explanation.Contribution",
-            "Evidence": "rtamt.monitors.triggers.Evidence",
-            "Implications": "rtamt.monitors.implications.Implications",
+            "Evidence": "rtamt.monitors.evidence.Evidence",
+            "Implications": "rtamt.monitors.judgement.Implications",
             "Judgements": "rtamt.monitors.judgements.Judgements",
             "TriggerColumns": "rtamt.monitors.judgements.TriggerColumns",
             **{
@@ -56,6 +55,6 @@ if not TYPE_CHECKING:  # a type checker would accept any name
                     "UnknownRun",
                 )
             },
-            "TriggerCount": "rtamt.monitors.triggers.TriggerCount",
+            "TriggerCount": "rtamt.monitors.evidence.TriggerCount",
         },
     )

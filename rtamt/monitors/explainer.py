@@ -65,7 +65,7 @@ from rtamt.monitors.origins import (
     holds_by_sign,
     origin_of,
 )
-from rtamt.monitors.sample_trace import SampleTrace
+from rtamt.monitors.traces import SampleTrace
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
 from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands

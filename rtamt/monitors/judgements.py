@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from rtamt.errors import RtamtError
 from rtamt.inputs.arrays import Floats
 from rtamt.machines.protocols import End
+from rtamt.monitors.evidence import Evidence, TriggerCount, Unrecorded
 from rtamt.monitors.judgement import Judgement
-from rtamt.monitors.triggers import Evidence, TriggerCount
-from rtamt.monitors.unrecorded import Unrecorded
 from rtamt.monitors.verdict import Verdict
 
 

@@ -38,6 +38,7 @@ from rtamt.machines.offline import result_alone
 from rtamt.machines.protocols import End, EpisodeRuns, SampleRuns, TraceSet
 from rtamt.machines.state import verdicts_of
 from rtamt.monitors.evaluation import trace_between
+from rtamt.monitors.evidence import text_of, texts_of
 from rtamt.monitors.judgement import Judgement, judge_compiled
 from rtamt.monitors.judgements import JudgedRows, Judgements, TriggerColumns
 from rtamt.monitors.options import (
@@ -48,14 +49,14 @@ from rtamt.monitors.options import (
     compiled,
     listed_in_signature,
 )
-from rtamt.monitors.sample_trace import (
+from rtamt.monitors.traces import (
     counts_alone,
     formula_reads,
     is_short,
     opposite_program,
+    reads_hidden,
     recorded_runs,
 )
-from rtamt.monitors.triggers import reads_hidden, text_of, texts_of
 from rtamt.program.implications import InstantRuns, TraceSpan, implications, unanswered
 from rtamt.program.interface import STANDARD
 from rtamt.program.memory import limit_beyond

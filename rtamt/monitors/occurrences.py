@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from fractions import Fraction
+from collections.abc import Mapping
 from typing import Any, Unpack, cast
 
 import numpy as np
@@ -23,9 +22,8 @@ from rtamt.machines.segments import (
     UnseenPlace,
 )
 from rtamt.machines.walk import numbers_of
-from rtamt.monitors.dense_trace import DenseTrace
 from rtamt.monitors.evaluation import trace_between
-from rtamt.monitors.implications import JudgedTrace
+from rtamt.monitors.evidence import text_of
 from rtamt.monitors.occurrence_table import (
     BodyOccurrences,
     Occurrence,
@@ -43,8 +41,7 @@ from rtamt.monitors.options import (
     compiled_regions,
     listed_in_signature,
 )
-from rtamt.monitors.sample_trace import SampleTrace
-from rtamt.monitors.triggers import text_of
+from rtamt.monitors.traces import DenseTrace, JudgedTrace, SampleTrace, scaled
 from rtamt.program.implications import InstantRuns, bodies, implications
 from rtamt.program.memory import limit_beyond
 from rtamt.program.timing import Period
@@ -53,26 +50,16 @@ _Columns = Mapping[str, NDArray[Any]]
 
 
 class _Clock:
-    """The times of places, as arrays.
+    """The times of the places of a trace, as arrays."""
 
-    ``tick`` is the length of a sample or tick in seconds; None: times are numbers of samples.
-    ``times`` returns the times of samples or ticks.
-    """
-
-    def __init__(
-        self,
-        step: int,
-        last: int,
-        tick: Fraction | None,
-        times: Callable[[PlaceNumbers], NDArray[Any]],
-    ) -> None:
-        self.step, self._last = step, last
-        self._tick, self._times = tick, times
-        self.unit = "samples" if tick is None else "s"
+    def __init__(self, trace: JudgedTrace) -> None:
+        self.step, self._last = trace.step, trace.last
+        self._tick, self._times = trace.tick, trace.times
+        self.unit = "samples" if self._tick is None else "s"
 
     def lasting(self, count: PlaceNumbers) -> NDArray[Any]:
         """Return the duration of numbers of samples or ticks."""
-        return count if self._tick is None else scaled(count, self._tick)
+        return scaled(count, self._tick)
 
     def at(self, places: PlaceNumbers) -> NDArray[Any]:
         """Return the times of places."""
@@ -96,25 +83,19 @@ class _Clock:
         return places if self.step == 1 else places // self.step
 
 
-def scaled(count: PlaceNumbers, tick: Fraction) -> NDArray[np.float64]:
-    """Return whole numbers of ticks in seconds."""
-    if len(count) and abs(int(count.max())) * tick.numerator >= 2**53:
-        return np.array([float(ticks * tick) for ticks in count.tolist()])
-    return count * tick.numerator / np.float64(tick.denominator)
-
-
-def _occurrences_of(trace: JudgedTrace, clock: _Clock, end: End) -> Occurrences:
+def _occurrences_of(trace: JudgedTrace) -> Occurrences:
+    clock = _Clock(trace)
     rows = tuple(
         _of_body(trace, body, instants, clock) for body, instants in trace.body_reads().items()
     )
     at_start = bodies(trace.formula) == (trace.formula,)
-    return Occurrences(text_of(trace.formula), rows, end, clock.unit, at_start)
+    return Occurrences(text_of(trace.formula), rows, trace.end, clock.unit, at_start)
 
 
 def _of_body(
     trace: JudgedTrace, body: Formula, instants: InstantRuns, clock: _Clock
 ) -> BodyOccurrences:
-    recorded = PlaceRuns.of(instants, trace.extent.last)
+    recorded = PlaceRuns.of(instants, trace.last)
     values = trace.segments(body).divided(recorded)
     runs, worst = values.failing(recorded)
     failing, unknown = runs.places, values.undecided(recorded).places
@@ -288,13 +269,9 @@ def occurrences(
     reader = SampleReader(program.program, program.nan, bounds=True)
     least, greatest, length = trace_between(reader, signals, n, period)
     limit_beyond(program.program, length, unknown=greatest is not least)
-    trace = SampleTrace(*(program, mode, (least, greatest), length), by_columns=True)
-    tick = program.period
-
-    def times(samples: PlaceNumbers) -> NDArray[Any]:
-        return samples if tick is None else scaled(samples, tick)
-
-    return _occurrences_of(trace, _Clock(1, length - 1, tick, times), mode)
+    return _occurrences_of(
+        SampleTrace(*(program, mode, (least, greatest), length), by_columns=True)
+    )
 
 
 @listed_in_signature(EventOptions)
@@ -339,6 +316,4 @@ def occurrences_dense(
     """
     mode = checked_end(end)
     parts = compiled_regions(occurrences_dense, spec, resolution, options)
-    trace = DenseTrace(parts, mode, signals, until)
-    clock = _Clock(2, trace.extent.last, parts.program.resolution, trace.times)
-    return _occurrences_of(trace, clock, mode)
+    return _occurrences_of(DenseTrace(parts, mode, signals, until))

@@ -11,6 +11,7 @@ import functools
 import inspect
 import textwrap
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Final, Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
@@ -163,8 +164,13 @@ class Compiled(NamedTuple):
 
 
 @functools.lru_cache(maxsize=512)
-def _with_result(specification: Specification, formula: Formula) -> Specification:
-    return specification.with_result(formula)
+def _with_result(
+    specification: Specification, formula: Formula, *, whole: bool = False
+) -> Specification:
+    other = specification.with_result(formula)
+    if whole:
+        other = replace(other, formulas={**other.formulas, "#": specification.formula})
+    return other
 
 
 _F = TypeVar("_F", bound=Callable[..., object])
@@ -233,6 +239,24 @@ class CompiledEvents(NamedTuple):
         """Return a reader of events, which remembers whether their values are known."""
         gap = None if self.max_gap is None else int(self.max_gap / self.program.resolution)
         return EventReader(self.program, self.nan, gap, bounds=True)
+
+    def part(
+        self, formula: Formula, interface: Interface | None = None, *, whole: bool = False
+    ) -> RegionProgram:
+        """Return the program of another formula, perhaps by another semantics.
+
+        A ``whole`` program, or a formula without variables, keeps the variables of the trace.
+        """
+        whole = whole or not formula.variables
+        return compile_regions(
+            _with_result(self.specification, formula, whole=whole),
+            self.program.resolution,
+            interface=self.interface if interface is None else interface,
+        )
+
+    def bounds(self, node: Node) -> Bounds:
+        """Return the bounds of an operator in ticks."""
+        return self.program.bounds(node)
 
 
 def compiled_regions(

@@ -151,7 +151,7 @@ def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> N
 
 @pytest.mark.slow(backend="python")
 def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rtamt.monitors.sample_trace._MAX_SHORT", 0)
+    monkeypatch.setattr("rtamt.monitors.traces._MAX_SHORT", 0)
     monkeypatch.setattr("rtamt.machines.walk._BLOCK", 1000)
     n = 4_000
     for place in (0, 996, 997, 1999, 2000, n - 5):
