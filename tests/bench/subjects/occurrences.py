@@ -57,8 +57,8 @@ def measure(case: worker.Case) -> worker.Measure:
     trace = signals(n, dense=dense, alternating=case["kind"] == "alternating")
     spec = f"always({body})"
     api: Any = rtamt.dense if dense else rtamt
-    (body,) = api.occurrences(spec, trace).bodies
-    rows = float(len(body.violations) + len(body.responses))
+    (result,) = api.occurrences(spec, trace).bodies
+    rows = float(len(result.violations) + len(result.responses))
 
     def run() -> list[float]:
         base = best(lambda: api.judge(spec, trace), times)
