@@ -1,6 +1,6 @@
-"""Formulas, traces and resets for the machines on arrays, which are compared to the bit.
+"""Formulas, traces and resets for the machines on arrays, compared bit by bit.
 
-A compiler takes a second for a formula: several of a batch are compiled at once.
+A compiler takes a second per formula, so each example compiles several formulas at once.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ROUNDED = {"exp", "ln", "log", "pow"}
 """Functions that libraries round differently."""
 
 # 200 formulas, and 2,000 with --hypothesis-profile=nightly.
-# A smaller example would be compiled again and again.
+# Every smaller example would be compiled again.
 few = settings(
     max_examples=min(250, settings().max_examples // 2),
     phases=[phase for phase in Phase if phase is not Phase.shrink],
@@ -45,7 +45,7 @@ class Case(NamedTuple):
     resets: NDArray[np.bool_]
 
     def online(self, formula: Formula) -> Floats:
-        """What `rtamt.VectorMonitor` gives, a row for each sample."""
+        """Return the robustness of `rtamt.VectorMonitor`, a row for each sample."""
         monitor = VectorMonitor(formula, ENTRIES)
         places = [s.VARIABLES.index(name) for name in monitor.variables]
         rows = []
@@ -57,9 +57,9 @@ class Case(NamedTuple):
     def episode(
         self, formula: Formula, names: tuple[str, ...], *, cut: bool = False
     ) -> list[Floats]:
-        """Attributes of `rtamt.VectorEpisodeMonitor`, each with a row for each sample.
+        """Return attributes of `rtamt.VectorEpisodeMonitor`, each with a row for each sample.
 
-        With ``cut`` they are those of traces that are cut after each sample.
+        With ``cut`` they belong to traces that are cut after each sample.
         """
         monitor = VectorEpisodeMonitor(formula, ENTRIES)
         places = [s.VARIABLES.index(name) for name in monitor.variables]
@@ -75,7 +75,7 @@ class Case(NamedTuple):
         return [np.array(values) for values in rows]
 
     def offline(self, formula: Formula) -> Floats:
-        """What `rtamt.evaluate` gives, a row for each entry."""
+        """Return the values of `rtamt.evaluate`, a row for each entry."""
         signals = columns(formula, self.samples)
         return np.array(
             [
@@ -86,25 +86,25 @@ class Case(NamedTuple):
 
 
 def columns(formula: Node, samples: Tensor) -> dict[str, Tensor]:
-    """The signals of a formula, of shape (entries, samples), in an array of either library."""
+    """Return the signals of a formula as one array of shape (entries, samples)."""
     return {name: samples[:, :, s.VARIABLES.index(name)].T for name in formula.variables}
 
 
 def exactly_rounded(formula: Node) -> bool:
-    """Whether no function in a formula is rounded differently by different libraries."""
+    """Return whether all libraries round the functions of a formula equally."""
     names = {formula.op.name} if formula.op else set()
     return not names & ROUNDED and all(map(exactly_rounded, formula.args))
 
 
 @st.composite
 def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Case:
-    """A batch of formulas with variables, and samples with many zeros of either sign.
+    """Return formulas with variables, and samples with many zeros of either sign.
 
     Args:
-        draw: Given by hypothesis.
-        endless: Whether futures may have no end.
-        outermost: Whether one may be an outermost ``always``, which is about all samples so far
-            for monitors and about all later ones in whole traces.
+        draw: The function of hypothesis.
+        endless: Whether windows of the future may be unbounded.
+        outermost: Whether a formula may be an outermost ``always``, which covers all samples so far
+            in monitors and all later ones in offline evaluation.
     """
     usable = s.formulas(3, endless=endless).filter(
         lambda f: f.variables and exactly_rounded(f) and _fits(f)
@@ -121,7 +121,7 @@ def cases(draw: s.Draw, *, endless: bool = False, outermost: bool = True) -> Cas
 
 
 def _fits(formula: Formula) -> bool:
-    """Whether an episode has few enough operators without an end inside others."""
+    """Return whether the nesting of unbounded operators is within the limit of episodes."""
     try:
         VectorEpisodeMonitor(formula, ENTRIES)
     except SpecificationError:

@@ -1,6 +1,6 @@
-"""What the monitors of every library of arrays owe: numbers that are those of the C++ machines.
+"""The contracts of array monitors: their numbers equal the C++ machines.
 
-A test file of a library subclasses the contracts, and gives them an `ArrayLibrary`.
+The tests of a library subclass the contracts and pass an `ArrayLibrary`.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ ArrayMonitor = Any
 
 READ = ("robustness", "lower", "upper", "verdict")
 
-# Both libraries may be tested in one process.
+# One process may test both libraries.
 few = settings(cases.few, suppress_health_check=[*HealthCheck])
 
 
 class ArrayLibrary(Protocol):
-    """What the contracts need of a library."""
+    """The functions of a library that the contracts need."""
 
     @property
     def arrays(self) -> ArrayMonitor:
-        """The package of monitors on its arrays."""
+        """Return the package of monitors on its arrays."""
 
     @property
     def kinds(self) -> Sequence[object]:
-        """The kinds of floats of 24 and of 8 bits."""
+        """Return the dtypes of floats with 24 and with 8 bits."""
 
     def doubles(self, values: Tensor) -> Tensor:
-        """The values as doubles."""
+        """Return the values as doubles."""
 
     def tensor(self, values: object) -> Tensor:
-        """An array of doubles, or of booleans where the values are."""
+        """Return an array of doubles, or of booleans for boolean values."""
 
     def traced(self, call: Callable[[], object]) -> object:
-        """Make the call where the library traces it, if it does."""
+        """Call a function; a library that traces does so here."""
 
     def readings(
         self,
@@ -59,27 +59,27 @@ class ArrayLibrary(Protocol):
         samples: NDArray[np.float64],
         resets: NDArray[np.bool_],
     ) -> list[Mapping[str, NDArray[np.float64]]]:
-        """What each monitor says after each sample, by name; its entries are reset before."""
+        """Return the reading of each monitor after each sample, by name."""
 
     def evaluated(
         self, evaluations: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
     ) -> list[NDArray[np.float64]]:
-        """The values of functions of samples."""
+        """Return the values of functions of samples."""
 
     def gradients(
         self, functions: Sequence[Callable[[Tensor], Tensor]], samples: NDArray[np.float64]
     ) -> list[NDArray[np.float64]]:
-        """The gradients of functions of samples, each of which gives one number."""
+        """Return the gradients of functions of samples with one number as result."""
 
     def sum_of_finite(self, values: Tensor) -> Tensor:
-        """The sum of the values that are finite."""
+        """Return the sum of the finite values."""
 
     def robustness_sum(self, monitor: ArrayMonitor, samples: Tensor) -> Tensor:
-        """The sum of the robustness over all steps but the first ``latency`` ones, and entries."""
+        """Return the sum of the robustness over entries and all steps after the latency."""
 
 
 def places(names: Sequence[str]) -> list[int]:
-    """The columns of samples in which variables are."""
+    """Return the columns of variables in samples."""
     return [s.VARIABLES.index(name) for name in names]
 
 
@@ -88,7 +88,7 @@ def begins_alone(
     monitor: ArrayMonitor,
     expected: rtamt.VectorMonitor | rtamt.VectorEpisodeMonitor,
 ) -> None:
-    """Three entries begin in turns, and take samples together between."""
+    """Start three entries in turns, and take samples together between."""
     random, state = np.random.default_rng(7), monitor.init(3)
     for _ in range(20):
         mask, first, sample = random.random(3) < 0.4, random.normal(size=3), random.normal(size=3)
@@ -101,7 +101,7 @@ def begins_alone(
 
 
 class OnlineContract:
-    """Of `online`."""
+    """The contract of `online`."""
 
     library: ArrayLibrary
 
@@ -236,20 +236,20 @@ class OnlineContract:
 
 
 class Cut:
-    """A monitor of episodes that says what each trace is if it is cut after the sample."""
+    """A monitor of episodes that reads a trace as cut after each sample."""
 
     def __init__(self, monitor: ArrayMonitor) -> None:
         self._monitor = monitor
         self.variables, self.init, self.reset = monitor.variables, monitor.init, monitor.reset
 
     def update(self, state: ArrayMonitor, sample: Tensor) -> tuple[ArrayMonitor, ArrayMonitor]:
-        """The next state, and the reading of a trace that is cut."""
+        """Return the next state, and the reading of a trace that is cut."""
         following, _, cut = self._monitor.update_and_cut(state, sample)
         return following, cut
 
 
 class EpisodeContract:
-    """Of `episode`."""
+    """The contract of `episode`."""
 
     library: ArrayLibrary
 
@@ -363,7 +363,7 @@ def _sum_of_finite(
 
 
 def _predicates(formula: rtamt.Formula) -> list[rtamt.Formula]:
-    """The formulas at the leaves that have a variable."""
+    """Return the predicates with a variable."""
     parts = [arg for arg in formula.args if isinstance(arg, rtamt.Formula)]
     if not parts:
         return [formula] if formula.variables else []
@@ -371,7 +371,7 @@ def _predicates(formula: rtamt.Formula) -> list[rtamt.Formula]:
 
 
 def _apart(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """The greatest difference; nan is apart from nothing."""
+    """Return the maximum difference; nan differs from nothing."""
     different = ~((x == y) | np.isnan(x) | np.isnan(y))
     return float(np.max(np.abs(x[different] - y[different]), initial=0.0))
 
@@ -392,16 +392,16 @@ SMOOTH = (
     "rise(a > 0) or next(b > 0) or true",
     "(a > 0) until (false or 2 * b > a)",
 )
-"""Every operator, of predicates whose robustness has no corners of its own."""
+"""Every operator, over predicates with smooth robustness."""
 
 
 class OfflineContract:
-    """Of `evaluate`, standard and smooth."""
+    """The contract of `evaluate`, standard and smooth."""
 
     library: ArrayLibrary
 
     def value(self, formula: str, x: Tensor, **more: object) -> NDArray[np.float64]:
-        """The robustness of the traces of x."""
+        """Return the robustness of the traces of x."""
         signals = {"x": self.library.tensor(x)}
         return np.array(self.library.arrays.evaluate(formula, signals, **more).tolist())
 
@@ -413,7 +413,7 @@ class OfflineContract:
             assert bits(np.ravel(each)) == bits(np.ravel(case.offline(formula))), formula
 
     def of(self, formula: rtamt.Formula, **more: object) -> Callable[[Tensor], Tensor]:
-        """The robustness as a function of samples."""
+        """Return the robustness as a function of samples."""
         evaluate = self.library.arrays.evaluate
         return lambda x: evaluate(formula, cases.columns(formula, x), **more)
 

@@ -1,6 +1,6 @@
-"""What requirements on arrays owe: the infos, rewards and ends of `rtamt_gym.VectorStlReward`.
+"""The contract of requirements on arrays: infos, rewards and ends of `rtamt_gym.VectorStlReward`.
 
-Both judge the same recorded steps. Where an episode ends, be it by a violation, another begins.
+Both judge the same recorded steps. A new episode starts after each end, also after a violation.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ QUARTERS = np.arange(-12, 13) / 4.0
 
 
 class RequirementLibrary(Protocol):
-    """What the contract needs of a library of arrays."""
+    """The functions of an array library that the contract needs."""
 
     def judge(self, specs: Any, options: Mapping[str, Any]) -> StepJudge:  # noqa: ANN401
-        """The requirements on its arrays of doubles."""
+        """Return the requirements on its arrays of doubles."""
 
     def tensor(self, values: object) -> Tensor:
-        """An array of doubles, or of booleans where the values are."""
+        """Return an array of doubles, or of booleans for boolean values."""
 
     def compiled(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function as the library compiles it, if it does."""
+        """Return the function as the library compiles it, if it does."""
 
 
 class Recorded(gym.vector.VectorEnv[Any, Any, Any]):
-    """Points whose steps are recorded; an environment is reset where a mask says so."""
+    """Points with recorded steps; a mask resets environments."""
 
     single_observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     single_action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
@@ -106,7 +106,7 @@ CASES: list[tuple[Any, dict[str, Any]]] = [
     (INSTANTS, {"mode": "progress", "view": "step", "on_violation": "truncate"}),
     (INSTANTS, {"mode": "terminal", "view": "step", "at_termination": "cut"}),
 ]
-"""Specifications and options; below, the modes of shaping that no row has."""
+"""Specifications and options; the modes of shaping without a row here follow below."""
 _SHAPED = {options.get("mode") for _, options in CASES}
 CASES += [
     (SEVERAL, {**shaping_options(mode, *SEVERAL), "on_violation": "report"})
@@ -116,7 +116,7 @@ CASES += [
 
 
 class RequirementContract:
-    """Of `rtamt_arrays.judging.StepJudge`."""
+    """The contract of `rtamt_arrays.judging.StepJudge`."""
 
     library: RequirementLibrary
 
@@ -210,7 +210,7 @@ class RequirementContract:
         assert np.array_equal(rewards[0], np.full(ENTRIES, 6.0))
 
     def compare_infos(self, judged: Any, expected: Any, mask: NDArray[np.bool_]) -> None:  # noqa: ANN401
-        """Compare verdicts in the environments of a mask; costs of a reset are 0 and left out."""
+        """Compare verdicts in the environments of a mask; a reset has cost 0, which is left out."""
         for key in ("robustness", "stl_lower", "stl_upper", "stl_violated_at"):
             values = [np.asarray(each.info[key])[mask] for each in (judged, expected)]
             np.testing.assert_array_equal(values[0], values[1], key)
@@ -225,12 +225,12 @@ class RequirementContract:
         over: NDArray[np.bool_],
         of: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Compare what was judged with infos and observations, in the environments of a mask."""
+        """Compare judged steps with infos and observations, in the environments of a mask."""
         found = {key: np.asarray(value) for key, value in judged.info.items()}
         mask = np.ones(ENTRIES, bool) if of is None else of
         assert ("stl_of_instant" in found) == ("stl_of_instant" in infos)
         for key in found.keys() - end_info(0, 0, 0, 0).keys():
-            # The infos of Gymnasium's resets have no reward and no cost, these have 0.
+            # The infos of Gymnasium's resets have no reward and cost; these have 0.
             assert key in infos or key == "reward" or key.startswith("cost"), key
             expected = infos.get(key, np.zeros(ENTRIES))
             assert bits(found[key][mask]) == bits(expected[mask]), key

@@ -1,4 +1,4 @@
-"""Bags of ROS that tests write, with messages that are given by their fields."""
+"""Bags of ROS that tests write, with messages from their fields."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ class Said:
 
 
 def twist(time: int, speed: float, topic: str = "/robot0/cmd_vel") -> Said:
-    """A command to drive straight on."""
+    """Return a command to drive straight on."""
     return Said(time, topic, "geometry_msgs/Twist", {"linear": {"x": speed}})
 
 
 def store_of(generation: int, definitions: Mapping[str, str]) -> Any:  # noqa: ANN401 - of rosbags
-    """The classes of messages of ROS 1 or 2, and more by their definitions."""
+    """Return the message classes of ROS 1 or 2, and more by their definitions."""
     store = get_typestore(Stores.ROS1_NOETIC if generation == 1 else Stores.ROS2_JAZZY)
     for kind, text in definitions.items():
         store.register(get_types_from_msg(text, long(kind)))
@@ -57,7 +57,7 @@ def long(kind: str) -> str:
 
 
 def message(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of rosbags
-    """A message of a class (a long name) with some fields, and defaults for the others."""
+    """Return a message of a class (a long name) with some fields, and defaults for the others."""
     made: dict[str, Any] = {}
     for name, (node, what) in store.get_msgdef(kind).fields:
         given = fields.get(name)
@@ -86,15 +86,15 @@ def write_bag(
     silent: Sequence[tuple[str, str]] = (),
     compression: str | None = None,
 ) -> Path:
-    """Writes a bag: the end of the name says which; one without is the folder of rosbag2.
+    """Write a bag in the format of its extension; without one, the folder of rosbag2.
 
     Args:
         path: ``.mcap``, ``.db3``, ``.bag``, or the name of a folder.
         messages: The messages, in the order in which they are written.
-        definitions: Texts of classes that ROS does not have.
+        definitions: Texts of classes that are not part of ROS.
         silent: Topics without messages, each with its class.
-        compression: ``STORAGE`` (MCAP), ``MESSAGE`` or ``FILE`` (rosbag2), ``BZ2`` or ``LZ4``
-            (ROS 1); None: none.
+        compression: ``STORAGE`` (MCAP), ``MESSAGE`` or ``FILE`` (rosbag2), ``BZ2`` or ``LZ4`` (ROS
+            1); None for no compression.
     """
     generation = 1 if path.suffix == ".bag" else 2
     store = store_of(generation, definitions or {})
@@ -130,7 +130,7 @@ def write_bag(
 
 
 def plain_mcap(path: Path, messages: Sequence[Said]) -> Path:
-    """Writes an MCAP file without chunks, index and summary, record by record."""
+    """Write an MCAP file without chunks, index and summary, record by record."""
     store = store_of(2, {})
 
     def text(value: str | bytes) -> bytes:

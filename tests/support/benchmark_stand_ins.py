@@ -1,4 +1,4 @@
-"""Stand-ins for robosuite and Meta-World: as little of them as the adapters read."""
+"""Stand-ins for robosuite and Meta-World with the parts that the adapters read."""
 
 from __future__ import annotations
 
@@ -83,14 +83,14 @@ class _Door(gym.Env[Any, Any]):
 
 
 class _Pushes:
-    """The scripted policy: opens, further than the band."""
+    """The scripted policy: opens the door further than the band."""
 
     def get_action(self, _observation: Any) -> Any:  # noqa: ANN401
         return np.array([-2.0, 0.0, 0.0, 0.0])
 
 
 def install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Puts the stand-ins in the place of the packages, for one test."""
+    """Replace the packages by the stand-ins, for one test."""
     robosuite: Any = ModuleType("robosuite")
     robosuite.make = lambda _task, **made: _Lift(**made)
     metaworld: Any = ModuleType("metaworld")

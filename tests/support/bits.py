@@ -9,7 +9,7 @@ Doubles = Sequence[float] | NDArray[np.float64]
 
 
 def bits(values: Doubles) -> list[int]:
-    """The bits of doubles as integers; those of every nan are the same."""
+    """Return the bits of doubles as integers; every nan has the same bits."""
     doubles = np.array(values, dtype=np.float64)
     doubles[np.isnan(doubles)] = np.nan
     found: list[int] = doubles.view(np.int64).tolist()
@@ -17,5 +17,5 @@ def bits(values: Doubles) -> list[int]:
 
 
 def identical(x: Doubles, y: Doubles) -> bool:
-    """Whether doubles are the same bit for bit."""
+    """Return whether doubles are equal bit by bit."""
     return bits(x) == bits(y)

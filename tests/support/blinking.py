@@ -1,4 +1,4 @@
-"""Environments with a flag of success, which seeds repeat and which they do not."""
+"""Environments with a flag of success, with and without repeatable seeds."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from gymnasium import spaces
 
 
 class Blink(gym.Env[Any, Any]):
-    """Ten steps of 0.1 s; the flag is true from step 3 on for as many steps as the seed says.
+    """Ten steps of 0.1 s; the flag is true from step 3 on, for a number of steps equal to the seed.
 
     Args:
-        keys: The keys of info that are the flag.
+        keys: The keys of info with the flag.
         ends: Whether the first success ends the episode.
     """
 
@@ -43,12 +43,12 @@ class Blink(gym.Env[Any, Any]):
 
     @staticmethod
     def flags(length: int) -> list[int]:
-        """The flag at every sample."""
+        """Return the flag at every sample."""
         return [int(3 <= at < 3 + length) for at in range(11)]
 
 
 class Wild(Blink):
-    """Leaves out the seed, and counts its resets."""
+    """An environment that ignores the seed, and counts its resets."""
 
     resets = 0
 

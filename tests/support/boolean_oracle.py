@@ -1,4 +1,4 @@
-"""Whether a formula holds at a sample of a finite trace: STL read as logic, without numbers."""
+"""Whether a formula holds at a sample of a finite trace: STL as logic, without numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rtamt.language.node import Node
 
 
 def holds(f: Node, trace: Trace, n: int, i: int) -> bool:  # noqa: C901 - a table
-    """Whether the formula is true at sample i; a window that the trace cuts away is empty."""
+    """Return whether the formula is true at sample i; a window beyond the trace is empty."""
     assert f.op is not None
     if f.op.operands == "term":
         return oracle.holds(f, trace, i)

@@ -1,4 +1,4 @@
-"""Systems of campaigns: a tank, and runs that end their process, hang, or note that they began."""
+"""Systems of campaigns: a tank, and runs that end their process, hang, or record their start."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Tasks = list[tuple[CaseLike, int | None]]
 
 
 def rest(seconds: float) -> None:
-    """Does nothing for a while."""
+    """Wait without using the processor."""
     Event().wait(seconds)
 
 
 def tank(inflow: float) -> Iterator[dict[str, float]]:
-    """A tank that runs over from some inflow on."""
+    """A tank that overflows from some inflow on."""
     level = 1.0
     for _ in range(20):
         yield {"level": level}
@@ -38,20 +38,20 @@ def tank(inflow: float) -> Iterator[dict[str, float]]:
 
 
 def tank_runner(system: object = tank) -> Runner:
-    """A runner of a tank, or of another system with a level."""
+    """Return a runner of a tank, or of another system with a level."""
     return Runner(system, {"dry": "always(level < 2)"}, period=1, stop="violation")
 
 
 def tank_tasks(count: int) -> Tasks:
-    """Inflows from a drop on."""
+    """Return inflows from a drop on."""
     return [({"inflow": (1 + i) / count}, None) for i in range(count)]
 
 
 def troubled(folder: Path) -> System:
-    """A tank whose parameter ``trouble`` says what becomes of a run.
+    """A tank whose parameter ``trouble`` selects the fault of a run.
 
     Args:
-        folder: Where runs with trouble 6 note that they have ended a process once.
+        folder: The folder in which runs with trouble 6 record that they have ended a process.
     """
 
     def system(inflow: float, trouble: float = 0) -> Iterator[dict[str, float]]:
@@ -65,7 +65,7 @@ def troubled(folder: Path) -> System:
             while True:
                 rest(1)
         elif trouble == 4:
-            ctypes.PyDLL(None).sleep(100)  # which keeps the lock of the interpreter
+            ctypes.PyDLL(None).sleep(100)  # this call holds the lock of the interpreter
         elif trouble == 5:
             _ = 1 / 0
         elif trouble == 6 and not mark.exists():
@@ -77,7 +77,7 @@ def troubled(folder: Path) -> System:
 
 
 class Alive:
-    """A named pipe that the processes of a campaign hold open while they run something."""
+    """A named pipe that the processes of a campaign hold open while they run."""
 
     def __init__(self, path: Path) -> None:
         os.mkfifo(path)
@@ -90,7 +90,7 @@ class Alive:
         os.close(self._reader)
 
     def is_written(self) -> bool:
-        """Whether a process writes into it; waits for that, though not for ever."""
+        """Wait until a process writes into it; return False after a time limit."""
         for _ in range(10_000):
             if self._read():
                 return True
@@ -98,7 +98,7 @@ class Alive:
         return False
 
     def is_over(self) -> bool:
-        """Whether no process holds it any more that has; waits for that, though not for ever."""
+        """Wait until no process holds it any more; return False after a time limit."""
         while self._read():
             pass
         return True
@@ -109,12 +109,12 @@ class Alive:
 
 
 _INTERRUPTIBLE = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-"""What makes a program hear an interrupt where the tests run in the background, and ignore it."""
+"""Makes a program receive an interrupt, which background processes of the tests ignore."""
 
 
 @contextmanager
 def program(text: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
-    """Runs a program that finds what the tests find; ends it."""
+    """Run a program with the modules of the tests, and end it afterwards."""
     running = subprocess.Popen(
         [sys.executable, "-c", _INTERRUPTIBLE + text, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -130,7 +130,7 @@ def program(text: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
 
 
 def noted(file: Path, alive: Path, hangs: float = math.inf) -> System:
-    """A tank that appends its inflow to a file, and takes a while.
+    """A tank that appends its inflow to a file, and takes some time.
 
     Args:
         file: The file.
@@ -143,7 +143,7 @@ def noted(file: Path, alive: Path, hangs: float = math.inf) -> System:
         with file.open("a", encoding="utf-8") as opened:
             opened.write(f"{inflow!r}\n")
         if inflow >= hangs:
-            while not list(alive.parent.glob("*/part-*")):  # others are to be on the disk by then
+            while not list(alive.parent.glob("*/part-*")):  # wait until other runs are on the disk
                 rest(0.01)
             os.write(held, b".")
             subprocess.Popen(["sleep", "1000"], pass_fds=[held])  # noqa: S607 - any sleep does

@@ -1,4 +1,4 @@
-"""Pages of reports in a headless Chromium, where every message and request is a failure."""
+"""Pages of reports in a headless Chromium; every message and request is a failure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
 
-if TYPE_CHECKING:  # it is installed for the tests in the browser alone
+if TYPE_CHECKING:  # installed only for the tests in the browser
     from playwright.sync_api import Browser, ConsoleMessage, Page, Request
 
 ARGUMENTS = (
@@ -25,12 +25,12 @@ ARGUMENTS = (
     "--disable-quic",
 )
 PATIENCE = 30_000
-"""Milliseconds; nothing that a test waits for takes so long unless it is broken."""
+"""Milliseconds; only a broken page takes this long."""
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
 def executable() -> str:
-    """The browser of the machine."""
+    """Return the browser of the machine."""
     found = next(filter(None, map(shutil.which, NAMES)), None)
     assert found, f"expected one of {', '.join(NAMES)}; on Debian: apt-get install chromium"
     return found
@@ -38,7 +38,7 @@ def executable() -> str:
 
 @contextmanager
 def launched() -> Iterator[Browser]:
-    """A browser with a fresh profile, until the end of the block."""
+    """Run a browser with a fresh profile until the end of the block."""
     from playwright.sync_api import expect, sync_playwright
 
     expect.set_options(timeout=PATIENCE)
@@ -49,7 +49,7 @@ def launched() -> Iterator[Browser]:
 
 
 def written(report: Report, path: Path) -> Path:
-    """Writes the page of a report."""
+    """Write the page of a report."""
     path.write_text(render(report), encoding="utf-8")
     return path
 
@@ -63,7 +63,7 @@ def opened(
     theme: str = "light",
     **context: Any,  # noqa: ANN401 - options of the browser's context
 ) -> Iterator[Page]:
-    """Opens a page in a profile of its own; at the end nothing may have been said or asked for."""
+    """Open a page in a profile of its own; it must not log a message or send a request."""
     seen: list[str] = []
 
     def message(of: ConsoleMessage) -> None:
@@ -91,7 +91,7 @@ def opened(
 
 
 def draw_all(page: Page) -> None:
-    """Brings every chart into view, so that it is drawn."""
+    """Scroll to every chart, so that the page draws it."""
     plots = page.locator("[data-chart]:visible")
     for i in range(plots.count()):
         plots.nth(i).scroll_into_view_if_needed()

@@ -1,4 +1,4 @@
-"""What every cluster is held to: its record is that of one process, with deaths and hangs."""
+"""The contract of every cluster: its record equals one process, also after deaths and hangs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["check"]
 
 
 def check(backend: Any, folder: Path) -> None:  # noqa: ANN401
-    """Runs campaigns on a cluster that is there.
+    """Run campaigns on an existing cluster.
 
     Args:
         backend: The name of the backend.

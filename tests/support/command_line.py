@@ -1,4 +1,4 @@
-"""Files for the tests of the command line, and the command line in odd surroundings."""
+"""Files for the tests of the command line, and the command line in unusual environments."""
 
 import subprocess
 import sys
@@ -23,13 +23,13 @@ FILES = {
 
 
 def write_files(folder: Path) -> None:
-    """Writes a specification of two formulas, one of one, and traces of the same signals."""
+    """Write a specification of two formulas, one of one formula, and traces of the same signals."""
     for name, text in FILES.items():
         (folder / name).write_text(text)
 
 
 def run_without(modules: list[str], arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    """The command line where some modules cannot be imported."""
+    """Run the command line without some modules."""
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({modules})); "
         f"from rtamt_gym.__main__ import main; sys.exit(main({arguments}))"
@@ -39,7 +39,7 @@ def run_without(modules: list[str], arguments: list[str]) -> subprocess.Complete
 
 
 def run_unread(arguments: Sequence[str], folder: Path) -> tuple[int, bytes]:
-    """The command line in a folder, its output unread as behind ``| head``: exit code, errors."""
+    """Run the command line in a folder, its output closed as by ``| head``: exit code, errors."""
     with subprocess.Popen(
         [sys.executable, "-m", "rtamt_gym", *arguments],
         cwd=folder,

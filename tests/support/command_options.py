@@ -1,4 +1,4 @@
-"""The page of all options of all commands, as the parsers have them.
+"""The page of all options of all commands, from the parsers.
 
 Run: python tests/support/command_options.py, which writes docs/reference/commands.md.
 """
@@ -102,14 +102,14 @@ def _command(
 
 
 def _written(action: argparse.Action) -> str:
-    """How an argument is written: its flags, and what follows them."""
+    """Return an argument as it is written: its flags and its value."""
     value = action.metavar or action.dest.upper()
     if action.choices is not None and action.metavar is None:
         value = "{" + ",".join(map(str, action.choices)) + "}"
     if not action.option_strings:
         return f"`{value}`"
     after = "" if action.nargs == 0 else f" {value}"
-    if action.dest == "require_triggered":  # its value stands after '=' only
+    if action.dest == "require_triggered":  # its value follows '=' only
         after = f"[={value}]"
     return ", ".join(f"`{flag}{after}`" for flag in action.option_strings)
 
@@ -123,9 +123,9 @@ def _first_sentence(text: str) -> str:
 
 
 def _text(text: str) -> str:
-    """A text of a parser as Markdown shows it."""
+    """Return a text of a parser in Markdown."""
     plain = re.sub(r"\s+", " ", text)
-    return re.sub(r"([*_<>\[\]{}$~]|(?<=\])\()", r"\\\1", plain)  # "](" would begin a link
+    return re.sub(r"([*_<>\[\]{}$~]|(?<=\])\()", r"\\\1", plain)  # "](" would start a link
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ def declared(
     semantics: Semantics | str = Semantics.STANDARD,
     language: Language = Language.PYTHON,
 ) -> StlDiscreteTimeSpecification:
-    """A parsed specification of variables of type float."""
+    """Return a parsed specification of variables of type float."""
     spec = StlDiscreteTimeSpecification(semantics, language)
     for name in names:
         spec.declare_var(name, "float")
@@ -27,7 +27,7 @@ def declared(
 def declared_dense(
     text: object, names: tuple[str, ...] = VARIABLES, language: Language = Language.PYTHON
 ) -> StlDenseTimeSpecification:
-    """The same over dense time."""
+    """Return the same in dense time."""
     spec = StlDenseTimeSpecification(language=language)
     for name in names:
         spec.declare_var(name, "float")
@@ -37,16 +37,16 @@ def declared_dense(
 
 
 def call(signals: Signals) -> list[list[object]]:
-    """Signals as the arguments of a call."""
+    """Return signals as the arguments of a call."""
     return [[name, [list(event) for event in events]] for name, events in signals.items()]
 
 
 def update(spec: StlDenseTimeSpecification, chunk: Signals) -> Pairs:
-    """What update gives."""
+    """Return the result of update."""
     return spec.update(*call(chunk))
 
 
 def held(signals: Signals) -> Signals:
-    """Signals whose variables all keep their last value to the last event of any."""
+    """Return signals whose variables keep their last value until the last event of any."""
     end = max(events[-1][0] for events in signals.values())
     return {n: [*e, *([(end, e[-1][1])] if e[-1][0] < end else [])] for n, e in signals.items()}

@@ -1,10 +1,9 @@
-"""The definitions of STL robustness over dense time, written down naively.
+"""A direct implementation of the definitions of STL robustness in dense time.
 
-Every number in a formula's intervals and every time of an event is a multiple of `step`. So all
-functions of time are constant on the cells [g, g + step) of a grid; the end of the trace is an
-instant with a value of its own. A cell has the value that the definition gives in its middle.
-Times and the step may be fractions: then all sums of times are exact. Shares no code with the
-library.
+Every number in a formula's intervals and every time of an event is a multiple of `step`. All
+functions of time are therefore constant on the cells [g, g + step) of a grid; the end of the trace
+is an instant with its own value. A cell has the value of the definition in its middle. Times and
+the step may be fractions, which makes sums of times exact. Shares no code with the library.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class Definition:
 
     Args:
         signals: The events of every variable.
-        read: The value of a predicate where the variables have these values.
+        read: Returns the value of a predicate from the values of its variables.
         step: Divides all times and bounds.
     """
 
@@ -53,12 +52,12 @@ class Definition:
         self.value = functools.cache(self._value)
 
     def breakpoints(self, formula: Node) -> list[tuple[float, float]]:
-        """The robustness wherever it or its sign becomes another one."""
+        """Return the robustness at every change of its value or sign."""
         steps = [(float(time), self.value(formula, time)) for time in (*self.cells, self.end)]
         return steps[:1] + [y for x, y in itertools.pairwise(steps) if order(x[1]) != order(y[1])]
 
     def _value(self, f: Node, here: Time) -> float:  # noqa: C901 - a table
-        """The value at the end, or on the cell that begins here."""
+        """Return the value at the end, or on the cell that starts here."""
         s = here if here == self.end else here + self.step / 2
         assert f.op is not None
         if f.op.operands == "term":
@@ -116,26 +115,26 @@ class Definition:
         return min((sign * self.value(f, place) for place in places), default=INF, key=order)
 
     def _witnesses(self, x: Time, y: Time) -> list[tuple[Time, Time]]:
-        """Times in [x, y]: begins and middles of cells, and the end; each with its cell."""
+        """Return times in [x, y]: starts and middles of cells, and the end; each with its cell."""
         times = [(t, g) for g in self.cells for t in (g, g + self.step / 2)]
         return [(t, g) for t, g in (*times, (self.end, self.end)) if x <= t <= y]
 
     def _closed(self, x: Time, y: Time) -> list[Time]:
-        """The cells that [x, y] meets, and the end if it is inside."""
+        """Return the cells that overlap [x, y], and the end if it is inside."""
         met = [g for g in self.cells if g <= y and x < g + self.step]
         return met + [self.end] * (x <= self.end <= y)
 
     def _right_open(self, x: Time, y: Time) -> list[Time]:
-        """The cells that [x, y) meets."""
+        """Return the cells that overlap [x, y)."""
         return [g for g in self.cells if x < y and g < y and x < g + self.step]
 
     def _left_open(self, x: Time, y: Time) -> list[Time]:
-        """The cells that (x, y] meets, and the end if it is inside."""
+        """Return the cells that overlap (x, y], and the end if it is inside."""
         return self._closed(x, y) if x < y else []
 
 
 def boolean(signals: Signals) -> Definition:
-    """The Boolean reading: +inf where a formula holds, -inf where not."""
+    """Return the Boolean reading: +inf if a formula holds, otherwise -inf."""
     return Definition(signals, _holds)
 
 

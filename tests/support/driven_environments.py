@@ -13,7 +13,7 @@ __all__ = ["Plant", "Windy"]
 
 
 class Plant(gym.Env[Any, Any]):
-    """Two integrators of the actions; its parameters are options of the reset, as a scenario's."""
+    """Two integrators of the actions; parameters are options of the reset, as in a scenario."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     action_space = spaces.Box(-2.0, 2.0, (2,), np.float64)
@@ -47,7 +47,7 @@ class Plant(gym.Env[Any, Any]):
 
 
 class Sky:
-    """What an attribute may be part of."""
+    """An object that an attribute may be part of."""
 
     clouds = 0.5
 
@@ -57,7 +57,7 @@ class Windy(gym.Env[Any, Any]):
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space: spaces.Space[Any] = spaces.Box(-2.0, 2.0, (1,), np.float64)
-    wind = 3  # of the class, until someone sets another
+    wind = 3  # an attribute of the class until it is set
     calm = False
     label = "windy"
 
@@ -67,7 +67,7 @@ class Windy(gym.Env[Any, Any]):
 
     @property
     def fixed(self) -> float:
-        """What cannot be set."""
+        """An attribute that cannot be set."""
         return 1.0
 
     def reset(

@@ -1,15 +1,14 @@
-"""The laws of the ends of a trace, on formulas and integer traces that are full of zeros.
+"""The laws of trace ends, on formulas and integer traces with many zeros.
 
-For a formula and a trace, of which every beginning may be all there is:
+For a formula and a trace, each prefix of which may be the complete trace:
 
-* bounds never widen;
-* the complete value of a beginning, and of every longer one, lies inside its open bounds;
-* a decided open verdict is the sign of the complete value wherever the trace then ends;
-* the bounds of a beginning that was cut lie inside the open ones;
-* the robustness after `finish` is the complete value, moved to the bounds.
+* bounds never widen; * the complete value of a prefix, and of every longer one, lies inside its
+open bounds; * a decided open verdict is the sign of the complete value at every later end of the
+trace; * the bounds of a prefix that was cut lie inside the open ones; * the robustness after
+`finish` is the complete value, moved to the bounds.
 
-Zeros have a sign: -0.0 is below 0.0. ``python tests/support/end_laws.py 20000`` holds every machine
-to them on so many cases each.
+Zeros have a sign: -0.0 is below 0.0. ``python tests/support/end_laws.py 20000`` checks every
+machine on this number of cases.
 """
 
 from __future__ import annotations
@@ -68,12 +67,12 @@ Draw = Callable[[random.Random], str]
 
 @dataclass
 class Count:
-    """What came of many cases.
+    """The results of many cases.
 
     Attributes:
-        cases: How many pairs of a formula and a trace.
-        zeros: Complete values that are 0.
-        faults: What broke a law, or differs from the definition.
+        cases: The number of pairs of a formula and a trace.
+        zeros: The number of complete values that are 0.
+        faults: Broken laws, and differences from the definition.
     """
 
     cases: int = 0
@@ -85,7 +84,7 @@ class Count:
 
 
 def any_formula(choose: random.Random, depth: int = 3) -> str:
-    """A formula in which futures are over the past, and the past is over futures."""
+    """Formulas in which future operators contain past ones and vice versa."""
     if depth == 0 or choose.random() < 0.12:
         return f"({choose.choice(_ATOMS)})"
 
@@ -111,7 +110,7 @@ def _interval(choose: random.Random) -> str:
 
 
 def column_formula(choose: random.Random) -> str:
-    """A formula of the form that entries run as columns, with constants and guards."""
+    """Formulas of the form that entries run as columns, with constants and guards."""
 
     def part(depth: int) -> str:
         if depth == 0:
@@ -136,7 +135,7 @@ def column_formula(choose: random.Random) -> str:
 
 
 def response_formula(choose: random.Random) -> str:
-    """A response or a duration, whose request or answer may look back."""
+    """Responses and durations, whose request or answer may read the past."""
 
     def side() -> str:
         atom = f"({choose.choice(_ATOMS[:6])})"
@@ -153,7 +152,7 @@ def response_formula(choose: random.Random) -> str:
 
 
 def trace_of(choose: random.Random, most: int = 8) -> dict[str, list[float]]:
-    """A trace of up to so many samples."""
+    """Return a trace of up to a number of samples."""
     n = choose.randint(1, most)
     return {name: [choose.choice(_VALUES) for _ in range(n)] for name in "abc"}
 
@@ -162,7 +161,7 @@ def trace_of(choose: random.Random, most: int = 8) -> dict[str, list[float]]:
 
 
 def definition(text: str, trace: Trace) -> Told:
-    """What the definition says."""
+    """Return the values of the definition."""
     formula = parse(text).formula
     beginnings = range(1, len(trace["a"]) + 1)
     return Told(
@@ -172,7 +171,7 @@ def definition(text: str, trace: Trace) -> Told:
 
 
 def monitors(backend: Backend) -> Machine:
-    """`EpisodeMonitor`."""
+    """Return the values of `EpisodeMonitor`."""
 
     def run(text: str, trace: Trace) -> Told:
         told, monitor = Told([], [], []), EpisodeMonitor(text, backend=backend)
@@ -189,7 +188,7 @@ def monitors(backend: Backend) -> Machine:
 
 
 def entries(backend: Backend) -> Machine:
-    """The second of three entries of `VectorEpisodeMonitor`."""
+    """Return the values of the second of three entries of `VectorEpisodeMonitor`."""
 
     def run(text: str, trace: Trace) -> Told:
         told, vector = Told([], [], []), VectorEpisodeMonitor(text, 3, backend=backend)
@@ -211,7 +210,7 @@ def entries(backend: Backend) -> Machine:
 
 
 def judgements(backend: Backend) -> Machine:
-    """`judge` of every beginning."""
+    """Return the values of `judge` for every prefix."""
 
     def run(text: str, trace: Trace) -> Told:
         def told(n: int, end: Literal["open", "complete", "cut"]) -> Bounds:
@@ -227,7 +226,7 @@ def judgements(backend: Backend) -> Machine:
 
 
 def exported(text: str, trace: Trace) -> Told:
-    """A unit of FMI 2.0, whose simulation is open at every step."""
+    """Return the values of an FMU of FMI 2.0, whose simulation is open at every step."""
     told, names = Told([], [], []), parse(text).variables
     with TemporaryDirectory() as folder:
         fmu_calls.write(Path(folder), fmu_calls.sampled(text))
@@ -251,14 +250,14 @@ def _samples(trace: Trace) -> Iterable[Mapping[str, float]]:
 
 
 def count(machine: Machine, draw: Draw, cases: int, seed: int = 0) -> Count:
-    """Run a machine on so many cases, and hold it to the definition and the laws."""
+    """Run a machine on a number of cases, and compare it with the definition and the laws."""
     choose, found = random.Random(seed), Count()
     while found.cases < cases:
         text, trace = draw(choose), trace_of(choose)
         try:
             place(compile_program(parse(text)))
         except SpecificationError:
-            continue  # too many futures without end inside others
+            continue  # too many nested unbounded futures
         found.cases += 1
         expected, told = definition(text, trace), machine(text, trace)
         found.zeros += sum(value == 0 for value, _, _ in expected.complete)
@@ -268,7 +267,7 @@ def count(machine: Machine, draw: Draw, cases: int, seed: int = 0) -> Count:
 
 
 def differences(told: Told, expected: Told) -> list[str]:
-    """Where a machine differs from the definition, in any bit."""
+    """Return the differences of a machine from the definition, in any bit."""
     return [
         f"{name} after sample {n}: {got}, expected {wanted}"
         for name in ("open", "complete", "cut")
@@ -280,7 +279,7 @@ def differences(told: Told, expected: Told) -> list[str]:
 
 
 def broken_laws(told: Told) -> list[str]:
-    """Which laws a machine breaks on a trace."""
+    """Return the laws that a machine breaks on a trace."""
     found = []
 
     def law(holds: object, name: str) -> None:
@@ -313,7 +312,7 @@ def _holds(value: float) -> bool:
 
 
 def _inside(*values: float) -> bool:
-    """Whether numbers rise, -0.0 below 0.0."""
+    """Return whether numbers rise, -0.0 below 0.0."""
     return sorted(values, key=order) == [*values] and _same(sorted(values, key=order), values)
 
 
@@ -335,7 +334,7 @@ MACHINES: Mapping[str, tuple[Machine, Draw]] = {
 
 
 def main(cases: int, names: Sequence[str]) -> int:
-    """Run every machine, or those that are named, on so many cases; return how many faults."""
+    """Run all machines or the named ones; return the number of faults."""
     faults = 0
     for seed, (name, (machine, draw)) in enumerate(MACHINES.items()):
         if names and name not in names:

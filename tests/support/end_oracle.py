@@ -1,8 +1,8 @@
-"""The readings of the end of a trace, written down naively; shares no code with the library.
+"""A direct implementation of the end modes of a trace; shares no code with the library.
 
-A value is an interval ``(low, high)``; -0.0 counts as less than +0.0. `oracle` defines the
-complete and the open reading, this module the reading of a trace that was cut: a future without end
-has its open bounds where no sample of its window was recorded.
+A value is an interval ``(low, high)``; -0.0 counts as less than +0.0. `oracle` defines the modes
+complete and open, and this module defines cut: an unbounded future has its open bounds if no sample
+of its window was recorded.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ UNKNOWN = -INF, INF
 def ended(
     formula: Node, trace: Trace, n: int, end: str, read: Read = predicate
 ) -> tuple[float, float, float]:
-    """Robustness, moved to the bounds, and bounds of a trace of n samples that ends."""
+    """Return robustness, moved to the bounds, and bounds of a trace of n samples with this end."""
     now, low, high = episode(formula, trace, n, read)
     if end == "complete":
         low = high = now
@@ -34,14 +34,14 @@ def ended(
 
 
 def holds(x: float) -> bool:
-    """Whether the sign bit is clear."""
+    """Return whether the sign bit is clear."""
     return math.copysign(1.0, x) > 0
 
 
 def cut(
     f: Node, trace: Trace, n: int, i: int, read: Read = predicate, *, seen: int | None = None
 ) -> Value:
-    """The bounds of a formula at time i, seen or not, of a trace that was cut after n samples.
+    """Return the bounds of a formula at time i, seen or not, of a trace cut after n samples.
 
     Predicates are known at ``seen`` samples, at first n.
     """

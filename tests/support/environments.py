@@ -17,7 +17,7 @@ Env = gym.Env[Any, Any]
 
 @dataclass(frozen=True)
 class Case:
-    """An environment, specifications for it, and the selectors of their signals."""
+    """An environment, its specifications, and the selectors of their signals."""
 
     env_id: str
     specs: str | dict[str, str]
@@ -78,9 +78,9 @@ STEPS = 12
 
 
 def rollout(env: Env, seed: int = 7, steps: int = STEPS) -> list[tuple[Any, ...]]:
-    """Reset and random steps, to the end of the episode at most."""
+    """Reset, then take random steps until the end of the episode or a limit."""
     obs, info = env.reset(seed=seed)
-    # The reset info of highway-env holds an action that nobody took, drawn without the seed.
+    # The reset info of highway-env holds a random action, which does not depend on the seed.
     info = {key: value for key, value in info.items() if key != "action"}
     return [(obs, info), *continued(env, seed, steps)]
 
@@ -100,9 +100,9 @@ def equal(left: object, right: object) -> bool:
 
 
 def restored(env: Env, original: Env) -> Env:
-    """The environment, in the state of the original.
+    """Return a copy of the environment in the state of the original.
 
-    Gymnasium's MuJoCo environments pickle the arguments that they were made of, not their state.
+    Gymnasium's MuJoCo environments pickle their constructor arguments, not their state.
     """
     simulation: Any = env.unwrapped
     if hasattr(simulation, "model"):

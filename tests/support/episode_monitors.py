@@ -8,17 +8,17 @@ from rtamt import EpisodeMonitor, Verdict
 
 
 def offered(monitor: EpisodeMonitor) -> tuple[float, float, float]:
-    """Robustness, lower and upper bound."""
+    """Return robustness, lower and upper bound."""
     return monitor.robustness, monitor.lower, monitor.upper
 
 
 def feed(monitor: EpisodeMonitor, trace: Trace, i: int) -> float:
-    """Updates the monitor with sample i of a trace; the robustness."""
+    """Update the monitor with sample i of a trace; return the robustness."""
     return monitor.update(sample(trace, i, monitor.variables))
 
 
 def verdict(lower: float, upper: float) -> Verdict:
-    """The verdict that follows from the bounds."""
+    """Return the verdict that follows from the bounds."""
     if math.copysign(1, upper) < 0:
         return Verdict.VIOLATED
     return Verdict.SATISFIED if math.copysign(1, lower) > 0 else Verdict.UNDECIDED

@@ -1,7 +1,7 @@
-"""What a wrapper says of an episode, written down from the rules; shares no code with the library.
+"""The report of a wrapper on an episode, from the rules; shares no code with the library.
 
-The samples of an episode, what the environment says of its end, and the options of the wrapper give
-all that it has to report. Values of formulas are those of `oracle` and `end_oracle`.
+The report follows from the samples of an episode, the end that the environment reports, and the
+options of the wrapper. `oracle` and `end_oracle` compute the values of formulas.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Flags = tuple[bool, bool]
 
 @dataclass(frozen=True)
 class Options:
-    """The options of a wrapper that an episode's report depends on."""
+    """The options of a wrapper that affect an episode's report."""
 
     on_violation: str = "terminate"
     at_termination: str | None = None
@@ -38,17 +38,17 @@ class Options:
 
     @property
     def read(self) -> Read:
-        """What a predicate counts."""
+        """Return the value of a predicate."""
         return reader(self.semantics, frozenset(), frozenset())
 
 
 @dataclass
 class Report:
-    """What a wrapper says of an episode.
+    """The report of a wrapper on an episode.
 
     Attributes:
         infos: The info of the reset and of every step.
-        flags: How each step ends the episode, the first that of the reset.
+        flags: How each step ends the episode; the first item belongs to the reset.
         record: The entry of ``stl_episodes``; None while the episode runs.
         assumed: Whether the default of ``at_termination`` has satisfied a specification.
     """
@@ -61,9 +61,9 @@ class Report:
 
 @dataclass
 class _Judgement:
-    """Of one specification after the newest sample.
+    """The judgement of one specification after the newest sample.
 
-    ``decided_at`` is the last sample, and ``by_end`` true, where only the end decided.
+    If only the end decided, ``decided_at`` is the last sample and ``by_end`` is true.
     """
 
     robustness: float
@@ -84,15 +84,15 @@ def report(
     own: Sequence[Mapping[str, Any]] = (),
     left: bool = False,
 ) -> Report:
-    """The report on an episode of which the environment says these flags, the first of the reset.
+    """Return the report on an episode with these flags; the first belongs to the reset.
 
     Args:
-        specs: The formulas, whose bounds count samples.
+        specs: The formulas, with bounds in samples.
         trace: The samples of all variables.
-        flags: Of every sample whether the environment terminates or truncates.
-        options: Those of the wrapper.
-        own: The environment's own infos, one for every sample; none: all are empty.
-        left: Whether the episode is left after the last sample, by a reset or a close.
+        flags: For every sample, whether the environment terminates or truncates.
+        options: The options of the wrapper.
+        own: The environment's own infos, one for every sample; all empty by default.
+        left: Whether a reset or a close follows the last sample.
     """
     made, decided = Report(), dict[str, _Judgement]()
     for t, ended_by in enumerate(flags):
@@ -146,12 +146,12 @@ def report(
 
 
 def chargeable(specs: Mapping[str, Formula], view: str) -> bool:
-    """Whether every demand can be charged for while the episode runs."""
+    """Return whether every demand can be charged while the episode runs."""
     return all(horizon(p) < INF for f in specs.values() for p, _, _ in _demands(f, view))
 
 
 def charge(f: Formula, trace: Trace, t: int, options: Options) -> float:
-    """The cost of sample t: of the instants that it settles, those that violate a demand."""
+    """Return the cost of sample t: the settled instants that violate a demand."""
     settled = {
         p: robustness(p, trace, t + 1, options.read) for p, _, _ in _demands(f, options.view)
     }
@@ -164,7 +164,7 @@ def charge(f: Formula, trace: Trace, t: int, options: Options) -> float:
 
 
 def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:  # noqa: FBT001 - as Gymnasium has them
-    """How the end is read; None: it goes on."""
+    """Return the end mode; None if the episode continues."""
     if terminated:
         return options.at_termination or "complete"
     return options.at_truncation if truncated else None
@@ -173,7 +173,7 @@ def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:
 def _judge(
     f: Formula, trace: Trace, t: int, options: Options, end: str | None, before: _Judgement | None
 ) -> _Judgement:
-    """What is known of a formula after sample t."""
+    """Return the judgement of a formula after sample t."""
     read, instants = options.read, options.view == "step"
     judged = f.always() if instants else f
     now, low, high = episode(judged, trace, t + 1, read)
@@ -198,7 +198,7 @@ def _verdict(low: float, high: float) -> int:
 
 
 def _instant(f: Node, trace: Trace, t: int, read: Read) -> float:
-    """The value of the newest instant whose horizon has passed; before, that of sample 0."""
+    """Return the value of the newest instant with a passed horizon; before, of sample 0."""
     assert f.op is not None
     endless = f.op.name in ("always", "eventually") and bounds(f) == (0, INF)
     late = horizon(f.args[0] if endless else f)
@@ -211,7 +211,7 @@ def _instant(f: Node, trace: Trace, t: int, read: Read) -> float:
 
 
 def _demands(f: Formula, view: str) -> list[tuple[Node, float, float]]:
-    """What is demanded, and the first and the last instant at which it is."""
+    """Return each demand, with its first and last instant."""
     parts: list[Node] = [f]
     while view == "episode" and any(_named(part, "and") for part in parts):
         parts = [p for part in parts for p in (part.args if _named(part, "and") else [part])]
@@ -240,7 +240,7 @@ def _costs(
     before: Mapping[str, _Judgement],
     decided: Mapping[str, _Judgement],
 ) -> dict[str, np.float64]:
-    """The cost of step t and, of several specifications, that of each."""
+    """Return the cost of step t, and of each specification if there are several."""
     each = {}
     for name, f in specs.items():
         violated = decided[name].verdict < 0
@@ -277,7 +277,7 @@ def _outcome(it: _Judgement) -> dict[str, Any]:
         "verdict": _NAMES[it.verdict],
         "satisfied": it.verdict > 0,
     }
-    if it.verdict < 0 and holds(it.overall):  # nothing but a failure does that
+    if it.verdict < 0 and holds(it.overall):  # only a failure at the end does that
         found["by_end"] = True
     if it.decided_at is None:
         return found
@@ -285,7 +285,7 @@ def _outcome(it: _Judgement) -> dict[str, Any]:
 
 
 def _blame(decided: Mapping[str, _Judgement], prefix: str) -> dict[str, Any]:
-    """The specification that was violated first; of a sample before the end, in their order."""
+    """Return the specification that was violated first; ties follow their order."""
     violated = {name: it for name, it in decided.items() if it.verdict < 0}
     if not violated:
         return {}
@@ -310,7 +310,7 @@ def _least(values: Sequence[float]) -> np.float64:
 
 
 def mismatch(expected: object, got: object, at: str = "") -> str:
-    """The first place where infos or records differ, in type or bit; empty if nowhere."""
+    """Return the first difference in type or bit of infos or records; empty without one."""
     if type(expected) is not type(got):
         return f"{at}: {expected!r} and {got!r}"
     match expected, got:

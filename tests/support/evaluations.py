@@ -1,4 +1,4 @@
-"""Evaluations made from outcomes, for tests of what is computed from them."""
+"""Evaluations made from outcomes, for tests of their statistics."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def evaluation_of(
     decision: Mapping[str, str] | None = None,
     period: Fraction | None = Fraction(1, 10),
 ) -> Evaluation:
-    """The evaluation whose episodes have these robustness values, by requirement.
+    """Return an evaluation with these robustness values of its episodes, by requirement.
 
     Args:
-        heights: The values; nan is an error, above 0 is satisfied, all else is violated.
-        seeds: The seeds of the episodes; None counts from 0.
+        heights: The values: nan is an error, above 0 is satisfied, other values are violated.
+        seeds: The seeds of the episodes; counted from 0 by default.
         policy: The name of the policy.
         system: The name of the environment.
-        formulas: The texts of the requirements; None: that they are.
-        rewards: The returns; None: none.
-        undecided: The places of episodes that leave everything open.
-        decision: What sequential stopping has decided.
+        formulas: The texts of the requirements; their names by default.
+        rewards: The returns; None for no returns.
+        undecided: The indices of undecided episodes.
+        decision: The decision of sequential stopping.
         period: Seconds between samples.
     """
     count = len(next(iter(heights.values())))

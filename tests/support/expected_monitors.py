@@ -1,4 +1,4 @@
-"""The monitors in Python of what an exported monitor judges."""
+"""The Python monitors that an exported monitor must equal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rtamt.monitors.options import Spec
 
 
 def _judge(spec: Spec, period: float, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401
-    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
+    """Return a monitor of a named formula; of episodes if no online monitor can run it."""
     try:
         return Monitor(spec, period, **options)
     except SpecificationError:
@@ -20,13 +20,11 @@ def _judge(spec: Spec, period: float, **options: Any) -> Monitor | EpisodeMonito
 
 
 class Expected:
-    """The monitors of Python: of the episode, and of the named formulas.
+    """The Python monitors of the episode and of the named formulas.
 
     Args:
-        spec: What is exported.
-        *parts: The named formulas.
-        period: Seconds between samples.
-        **options: Those of `EpisodeMonitor`.
+        spec: The exported specification. *parts: The named formulas.
+        period: Seconds between samples. **options: The options of `EpisodeMonitor`.
     """
 
     def __init__(self, spec: Spec, *parts: Spec, period: float = 1, **options: Any) -> None:  # noqa: ANN401
@@ -54,18 +52,17 @@ class Expected:
 
     @property
     def values(self) -> list[float]:
-        """Robustness, bounds and verdict, and the named formulas."""
+        """Return robustness, bounds and verdict, and the named formulas."""
         e = self.episode
         return [e.robustness, e.lower, e.upper, float(e.verdict), *self._last]
 
 
 class DenseExpected:
-    """The monitors of Python over dense time: of the episode, and of the named formulas.
+    """The Python monitors in dense time of the episode and of the named formulas.
 
     Args:
-        spec: What is exported.
-        *parts: The named formulas.
-        **options: Those of `rtamt.dense.EpisodeMonitor`.
+        spec: The exported specification. *parts: The named formulas. **options: The options of
+            `rtamt.dense.EpisodeMonitor`.
     """
 
     def __init__(self, spec: Spec, *parts: Spec, **options: Any) -> None:  # noqa: ANN401
@@ -84,13 +81,13 @@ class DenseExpected:
         return self.episode.variables
 
     def update(self, time: float, values: Mapping[str, float]) -> None:
-        """Give all variables an event."""
+        """Update all variables with an event."""
         for monitor in (*self._monitors, self.episode):
             monitor.update({name: [(time, values[name])] for name in monitor.variables})
 
     @property
     def values(self) -> list[float]:
-        """Robustness, bounds and verdict, and the named formulas."""
+        """Return robustness, bounds and verdict, and the named formulas."""
         e = self.episode
         named = [
             m.robustness if isinstance(m, rtamt.dense.EpisodeMonitor) else [*m.values.values()][-1]

@@ -10,7 +10,7 @@ SCRIPTS = ("train_corridor", "train_speed_limit", "train_patrol", "train_contact
 
 
 def script(name: str) -> Any:  # noqa: ANN401 - a module that no path of the tests knows
-    """A module of the examples, which import each other as scripts in one folder do."""
+    """Return a module of the examples, which import each other like scripts in one folder."""
     if str(EXAMPLES) not in sys.path:
         sys.path.append(str(EXAMPLES))
     return importlib.import_module(name)

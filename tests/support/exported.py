@@ -1,4 +1,4 @@
-"""Runs exported monitors with FMPy, call by call, and draws what is exported."""
+"""Run exported monitors with FMPy, call by call, and generate specifications to export."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _number = st.sampled_from(QUARTERS)
 _often = st.sampled_from((True, True, True, False))
 
 _listeners: list[Listener] = []
-"""All that were given: FMPy calls that of the last unit of FMI 2.0, even after it was freed."""
+"""All callbacks: FMPy calls the last unit of FMI 2.0 even after it was freed."""
 
 
 class Unit:
-    """An instance of an exported monitor, which was instantiated."""
+    """An instance of an exported monitor, already instantiated."""
 
     def __init__(self, path: Path, folder: Path, heard: Listener = lambda *_: None) -> None:
         _listeners.append(heard)
@@ -53,12 +53,12 @@ class Unit:
             self._call("set", name)([self.entries[name].valueReference], [value])
 
     def get(self, *names: str) -> list[float]:
-        """The values of variables."""
+        """Return the values of variables."""
         references = {name: self.entries[name].valueReference for name in names}
         return [self._call("get", name)([at])[0] for name, at in references.items()]
 
     def outputs(self) -> tuple[str, ...]:
-        """The names of its outputs."""
+        """Return the names of its outputs."""
         return tuple(name for name, each in self.entries.items() if each.causality == "output")
 
     def begin(self, parameters: Mapping[str, float] | None = None, start: float = 0.0) -> None:
@@ -77,14 +77,14 @@ class Unit:
         self.fmu.doStep(at, size)
 
     def state(self) -> bytes:
-        """Its state, serialized."""
+        """Return its serialized state."""
         state = self.fmu.getFMUState()
         data: bytes = self.fmu.serializeFMUState(state)
         self.fmu.freeFMUState(state)
         return data
 
     def restore(self, data: bytes) -> None:
-        """Make a serialized state its own."""
+        """Set a serialized state."""
         state = self.fmu.deserializeFMUState(data)
         self.fmu.setFMUState(state)
         self.fmu.freeFMUState(state)
@@ -101,7 +101,7 @@ def exported(
     heard: Listener = lambda *_: None,
     **options: Any,  # noqa: ANN401 - those of export_fmu
 ) -> Iterator[Unit]:
-    """An instance of a monitor, which is exported for it."""
+    """Return an instance of an exported monitor."""
     folder = Path(tempfile.mkdtemp())
     try:
         path = folder / "monitor.fmu"
@@ -117,7 +117,7 @@ def exported(
 
 
 class Drawn(NamedTuple):
-    """A text with constants, its beginning that defines ``part``, and other values of constants."""
+    """A text with constants, its prefix that defines ``part``, and other values for them."""
 
     text: str
     part: str
@@ -126,7 +126,7 @@ class Drawn(NamedTuple):
 
 @st.composite
 def texts(draw: st.DrawFn, *, dense: bool = False) -> Drawn:
-    """A text of a named formula and a result that uses it, with numbers that are constants."""
+    """Return a text of a named formula and a result that uses it, with constants as numbers."""
     named = draw(formulas(2, endless=True, total=False, dense=dense))
     result = draw(formulas(2, endless=True, dense=dense))
     values: dict[str, float] = {}

@@ -19,7 +19,7 @@ def half(x: float) -> Iterator[Mapping[str, float]]:
 
 
 class HalfCart(CartPoleEnv):
-    """A cart that fails where gravity is high."""
+    """A cart that fails at high gravity."""
 
     def step(self, action: Any) -> Any:  # noqa: ANN401
         if self.gravity > 5:

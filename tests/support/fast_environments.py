@@ -1,7 +1,7 @@
-"""Stand-ins for vector environments that are fast: the forms of EnvPool and of PufferLib.
+"""Stand-ins for fast vector environments, in the forms of EnvPool and PufferLib.
 
-PufferLib 3 builds from source alone, so its shared arrays are played here: environments write
-observations, rewards and flags into arrays that the learner holds. `tests/learners` has EnvPool and
+PufferLib 3 must be built from source, so its shared arrays are simulated here: environments write
+observations, rewards and flags into arrays of the learner. `tests/learners` has EnvPool and
 PufferLib 2 themselves.
 """
 
@@ -20,7 +20,7 @@ Make = Callable[[], gym.Env[Any, Any]]
 
 
 class Pool(gym.Env[Any, Any]):
-    """EnvPool's form: many CartPoles in one ``gym.Env``, which reset in the step after the last."""
+    """EnvPool's form: many CartPoles in one ``gym.Env``, reset in the step after the last."""
 
     def __init__(self, num_envs: int, batch_size: int | None = None, players: int = 1) -> None:
         envs = gym.make_vec("CartPole-v1", num_envs, vectorization_mode="vector_entry_point")
@@ -58,7 +58,7 @@ class Pool(gym.Env[Any, Any]):
 
 @dataclass
 class Emulated:
-    """An environment of Gymnasium as PufferLib holds it."""
+    """An environment of Gymnasium as PufferLib stores it."""
 
     env: gym.Env[Any, Any]
     num_agents: int = 1
@@ -93,7 +93,7 @@ class Shared:
 
 
 class SharedEnvironments(Shared):
-    """Environments of Gymnasium, which reset in the step after their last."""
+    """Environments of Gymnasium that are reset in the step after their last."""
 
     emulated = "as a namespace"
 
@@ -129,7 +129,7 @@ class SharedEnvironments(Shared):
 
 
 class NativeCounters(Shared):
-    """Native environments: entry i counts from i, and is reset in the step that gets it to 4."""
+    """Native environments: entry i counts from i, and is reset in the step that reaches 4."""
 
     emulated = False
     single_observation_space = spaces.Box(-9, 9, (1,))

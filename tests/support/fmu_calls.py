@@ -1,4 +1,4 @@
-"""The shared library of exported monitors, called as tools call it: through the C of FMI."""
+"""The shared library of exported monitors, called through the C functions of FMI as tools do."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class _Callbacks(ctypes.Structure):
 
 
 def library() -> ctypes.CDLL:
-    """The library, which lies beside the native module."""
+    """Return the library, which lies next to the native module."""
     native = find_spec("rtamt._native")
     assert native is not None
     assert native.origin is not None
@@ -49,32 +49,32 @@ def library() -> ctypes.CDLL:
 
 
 def sampled(spec: Spec, period: float | str = 1, **options: Any) -> Programs:  # noqa: ANN401
-    """The programs of a unit that takes samples."""
+    """Return the programs of a unit that takes samples."""
     known = traced(as_specification(spec))
     return sampled_programs(sampled, known, period, cast("SampleOptions", options))
 
 
 def dense(spec: Spec, resolution: str = "1ns") -> Programs:
-    """The programs of a unit over dense time."""
+    """Return the programs of a unit in dense time."""
     return dense_programs(dense, traced(as_specification(spec)), resolution, {})
 
 
 def write(folder: Path, programs: Programs, *, stop: bool = False) -> Path:
-    """Write the file of a unit, and give its folder."""
+    """Write the file of a unit, and return its folder."""
     text = program_text(programs.file(token=TOKEN, stop=stop))
     (folder / "program.rtamt").write_bytes(text.encode())
     return folder
 
 
 class Unit:
-    """An instance of a unit, which calls do as the library does, whatever they return.
+    """An instance of a unit, whose calls go to the library at any status.
 
     Args:
         version: The version of FMI.
-        folder: What has the program.
-        token: The token that is given.
+        folder: The folder of the program.
+        token: The token for the instantiation.
         logging: Whether events are logged.
-        prefix: What the location of FMI 2 is the path behind; None: its URI.
+        prefix: The prefix of the location in FMI 2; None for a URI.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Unit:
         return self.library[f"fmi{self.version}{name}"]
 
     def call(self, name: str, *args: Any) -> int:  # noqa: ANN401 - arguments of C
-        """The status of a call; of the names of FMI 2 and 3 that differ, one of FMI 3."""
+        """Return the status of a call; names that differ between FMI 2 and 3 are from FMI 3."""
         if self.version == 2:
             name = _NAMES_2.get(name, name)
         status = self.function(name)(ctypes.c_void_p(self.pointer), *args)
@@ -128,7 +128,7 @@ class Unit:
 
     @property
     def said(self) -> str:
-        """The last text that was logged."""
+        """Return the last logged text."""
         return self.log[-1][2]
 
     # The phases.
@@ -145,7 +145,7 @@ class Unit:
         assert self.call("ExitInitializationMode") == OK
 
     def step(self, time: float, size: float) -> int:
-        """The status of a step; of one that ends the simulation that of FMI 2."""
+        """Return the status of a step; if it ends the simulation, the status of FMI 2."""
         given = (ctypes.c_double(time), ctypes.c_double(size), _flag(1))
         if self.version == 2:
             return self.call("DoStep", *given)
@@ -158,7 +158,7 @@ class Unit:
         return DISCARD if status == OK and ends.value else status
 
     def ended(self) -> tuple[bool, float]:
-        """Whether the last step ended the simulation, and its end; of FMI 2."""
+        """Return whether the last step ended the simulation, and its end; in FMI 2."""
         ends, time = ctypes.c_int(), ctypes.c_double()
         assert self.call("GetBooleanStatus", 3, ctypes.byref(ends)) == OK
         assert self.call("GetRealStatus", 2, ctypes.byref(time)) == OK
@@ -188,7 +188,7 @@ class Unit:
         return data[0]
 
     def outputs(self, *others: int) -> list[int]:
-        """The bits of robustness, bounds, verdict, and other variables by their references."""
+        """Return the bits of robustness, bounds, verdict, and other variables by reference."""
         known = self.get(ROBUSTNESS, LOWER, UPPER)
         return bits([*known, self.verdict(), *self.get(*others)])
 
@@ -238,7 +238,7 @@ _NAMES_2 = {
 
 @contextmanager
 def unit(version: Version, folder: Path, **options: Any) -> Iterator[Unit]:  # noqa: ANN401
-    """An instance that was made, and is freed in the end."""
+    """Return an instance, and free it at the end."""
     made = Unit(version, folder, **options)
     assert made.pointer, made.log
     try:
