@@ -14,7 +14,7 @@ SOURCE = Path(__file__).parent / "fmu" / "tank.c"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 VARIABLES = (
-    # name, value reference, type in FMI 2.0 and 3.0, start value, causality, and the rest
+    # name, value reference, type in FMI 2.0 and 3.0, start value, causality, and other attributes
     ("inflow", 0, "Real", "Float64", "0", "input", ""),
     ("level", 1, "Real", "Float64", "1", "output", 'initial="exact"'),
     ("area", 2, "Real", "Float64", "1", "parameter", 'variability="fixed"'),
@@ -30,7 +30,7 @@ VARIABLES = (
 )
 
 ARRAYS = (
-    # of FMI 3.0: name, value reference, type, sizes (or the variable that says one), and the rest
+    # of FMI 3.0: name, value reference, type, sizes (or the variable with the size), and others
     ("row", 80, "Float64", (3,), 'causality="output"'),
     ("valves", 81, "Float64", ("n",), 'causality="input" start="0 0"'),
     (
@@ -47,7 +47,7 @@ ARRAYS = (
 
 
 def describe(version: int, interface: str, step: float | None) -> str:
-    """The text of modelDescription.xml."""
+    """Return the text of modelDescription.xml."""
     variables, outputs = [], []
     for name, reference, *types, start, causality, more in VARIABLES:
         kind = types[version - 2]
@@ -96,11 +96,11 @@ def describe(version: int, interface: str, step: float | None) -> str:
 
 
 def library(version: int, folder: Path) -> Path:
-    """The shared library of the tank, compiled."""
+    """Return the shared library of the tank, compiled."""
     of_3, _, of_2 = SOURCE.read_text().partition("#else\n\nfmi2Component")
     ours = f" fmi2Component{of_2}" if version == 2 else of_3
     stubs = folder / f"stubs{version}.c"
-    # FMPy asks for every function of the standard, the tank needs few of them.
+    # FMPy loads every function of the standard; the tank needs few of them.
     header = (HEADERS / f"fmi{version}Functions.h").read_text()
     names = re.findall(rf" fmi{version}\w+TYPE\s+(fmi{version}\w+);", header)
     defined = [n for n in names if re.search(rf" {n}\(|{n[4:7].upper()}\({n[7:]}[,)]", ours)]
@@ -121,14 +121,14 @@ def write_fmu(
     kind: str = "CoSimulation",
     fixed: str = "",
 ) -> Path:
-    """An FMU of the tank.
+    """Write an FMU of the tank.
 
     Args:
-        path: Where it is written.
-        library: The compiled tank; None for an FMU that has none.
-        version: Of FMI, 2 or 3.
+        path: The path of the file.
+        library: The compiled tank; None for an FMU without one.
+        version: The version of FMI, 2 or 3.
         step: The step size of the default experiment.
-        kind: What it is for.
+        kind: The kind of FMU.
         fixed: More attributes of the interface.
     """
     interface = f'<{kind} modelIdentifier="tank" {fixed}/>'

@@ -1,8 +1,8 @@
-"""What fuzzers call in Python: each function takes any bytes, and raises only for a defect.
+"""The Python functions that fuzzers call: each takes any bytes, and raises only for a defect.
 
-To add a target: a function and a row of `TARGETS` here, or for C++ a file in ``tests/fuzz/native``
-with its name in the ``CMakeLists.txt`` there. Add its name to ``tests/fuzz/fuzzing.py`` and inputs
-to ``tests/fuzz/corpus/NAME``.
+To add a target, add a function and a row of `TARGETS` here. For C++, add a file in
+``tests/fuzz/native`` and its name to the ``CMakeLists.txt`` there. Then add the name to
+``tests/fuzz/fuzzing.py`` and inputs to ``tests/fuzz/corpus/NAME``.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.sample_rows import read_trace
 
 LIMIT = 1 << 14
-"""Longer inputs are of no use: they say the same more slowly."""
+"""Longer inputs find the same faults more slowly."""
 
 
 class Bytes:
-    """Bytes as choices and numbers; behind the last one all of them are 0."""
+    """Bytes as choices and numbers; after the last one, all are 0."""
 
     def __init__(self, data: bytes) -> None:
         self.data, self.at = data, 0
@@ -50,7 +50,7 @@ class Bytes:
 
 
 def specification(data: bytes) -> None:
-    """A text is refused with its place, or its formula reads as it is written."""
+    """A text is an error with its position, or its formula can be written and read again."""
     text = data[:LIMIT].decode("utf-8", "replace")
     try:
         read = rtamt.parse(text)
@@ -75,7 +75,7 @@ MONITORS: tuple[Callable[[], Any], ...] = (
 
 
 def snapshot(data: bytes) -> None:
-    """A state that no machine wrote is refused and leaves the monitor, or can be gone on from."""
+    """A state from no machine is an error that leaves the monitor as it was, or is usable."""
     bytes_ = Bytes(data)
     monitor = bytes_.of(MONITORS)()
     for i in range(bytes_.byte() % 24):
@@ -119,7 +119,7 @@ FORMATS = ("csv", "jsonl", "npz", "parquet", "feather", "mcap", "db3", "bag", "u
 
 
 def trace(data: bytes) -> None:
-    """A file is refused with its name and a reason, or its columns are numbers."""
+    """A file is an error with its name and a reason, or its columns are numbers."""
     if not data:
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -143,7 +143,7 @@ _VALUES = (0.0, -0.0, 0.0, 1.0, -1.0, 2.0, -2.0, 0.25, -0.5, 3.0, 7.5, math.inf,
 
 
 def equality(data: bytes) -> None:
-    """Both back-ends give the definition's robustness and bounds, to the bit."""
+    """Both back-ends return the robustness and bounds of the definition, bit by bit."""
     bytes_ = Bytes(data[:512])
     formula = _formula(bytes_, 3)
     n = 1 + bytes_.byte() % 12
@@ -168,7 +168,7 @@ def equality(data: bytes) -> None:
 
 
 def _episode(formula: Formula, backend: str) -> Any:  # noqa: ANN401 - a monitor, or None
-    """The monitor of an episode; None where operators without an end are nested too deep."""
+    """Return the monitor of an episode; None if unbounded operators are nested too deeply."""
     try:
         return rtamt.EpisodeMonitor(formula, backend=cast("Any", backend))
     except rtamt.errors.SpecificationError:

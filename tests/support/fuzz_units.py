@@ -1,4 +1,4 @@
-"""Units that fuzzers call, `tests/fuzz/programs/NAME/program.rtamt`, as they are exported today.
+"""The units that fuzzers call, `tests/fuzz/programs/NAME/program.rtamt`, in the current format.
 
 Run after a change of the format: python tests/support/fuzz_units.py
 """
@@ -34,7 +34,7 @@ TEXTS = {
 
 
 def programs(name: str) -> Programs:
-    """The programs of a unit of two inputs."""
+    """Return the programs of a unit with two inputs."""
     if name == "dense":
         return dense(TEXTS[name])
     return sampled(TEXTS[name], semantics="output-vacuity" if name == "neutral" else "standard")

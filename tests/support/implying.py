@@ -1,4 +1,4 @@
-"""Formulas with an implication in them, anywhere."""
+"""Formulas that contain an implication."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ WRAPS: tuple[Wrap, ...] = (
 @functools.cache
 @st.composite
 def requirements(draw: st.DrawFn, most: int = 3, *, total: bool = True) -> Formula:
-    """A formula with an implication somewhere in it."""
+    """Formulas with an implication at some place."""
     formula = draw(rooted("implies", 1, endless=True, total=total))
     for wrap in draw(st.lists(st.sampled_from(WRAPS), min_size=0, max_size=most)):
         formula = wrap(formula, draw(formulas(1, total=total)))
@@ -54,7 +54,7 @@ def requirements(draw: st.DrawFn, most: int = 3, *, total: bool = True) -> Formu
 
 @st.composite
 def aware(draw: st.DrawFn, drawn: st.SearchStrategy[Formula]) -> Case:
-    """A requirement that declares inputs and outputs, and a semantics."""
+    """Requirements that declare inputs and outputs, and a semantics."""
     semantics = draw(st.sampled_from(SEMANTICS))
     role = semantics.partition("-")[0]
     plain = semantics in ("standard", "boolean")
@@ -69,7 +69,7 @@ DENSE_WRAPS = tuple(wrap for i, wrap in enumerate(WRAPS) if i not in (7, 8, 9, 2
 @functools.cache
 @st.composite
 def dense_requirements(draw: st.DrawFn) -> Formula:
-    """A formula over dense time with an implication somewhere in it."""
+    """Formulas in dense time with an implication at some place."""
     formula = draw(rooted("implies", 1, endless=True, dense=True))
     for wrap in draw(st.lists(st.sampled_from(DENSE_WRAPS), min_size=0, max_size=2)):
         formula = wrap(formula, draw(formulas(1, dense=True)))

@@ -1,4 +1,4 @@
-"""Generated waveforms, and what a step gets of them, by definition."""
+"""Generated waveforms, and their values in a step, by definition."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INTERPOLATIONS: tuple[WaveformInterpolation, ...] = ("hold", "linear", "pchip")
 def waveforms(
     draw: st.DrawFn, low: float, high: float, *, whole: bool = False, span: int = 2
 ) -> Waveform:
-    """Waveforms between two values, whose control points are up to a span of seconds."""
+    """Waveforms between two values, with control points over a span of seconds."""
     kind = "hold" if whole else draw(st.sampled_from(INTERPOLATIONS))
     times = st.lists(
         st.fractions(0, span, max_denominator=100),
@@ -32,7 +32,7 @@ def waveforms(
 
 
 def of_step(entry: float | Waveform, step: int, period: float) -> float:
-    """What a step gets: the value at its start if that is held, else the value at its end."""
+    """Return the value in a step: at its start if values are held, otherwise at its end."""
     if not isinstance(entry, Waveform):
         return entry
     ahead = 0 if entry.interpolation == "hold" else 1

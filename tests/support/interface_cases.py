@@ -18,7 +18,7 @@ RELATIVE: st.SearchStrategy[SemanticsName] = st.sampled_from(
 )
 VACUITY: st.SearchStrategy[SemanticsName] = st.sampled_from(("input-vacuity", "output-vacuity"))
 NEUTRAL = frozenset(SEMANTICS) - {"standard", "boolean"}
-"""Semantics under which a predicate may count 0 and neither hold nor fail."""
+"""The semantics in which a predicate may be 0, neither true nor false."""
 ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
     lambda roles: dict(zip(VARIABLES, roles, strict=False))
 )
@@ -33,7 +33,7 @@ def cases(
     total: bool = True,
     dense: bool = False,
 ) -> Case:
-    """A specification with inputs and outputs, and a semantics of a side that has variables."""
+    """Specifications with inputs and outputs, and a semantics of a side that has variables."""
     formula = draw(formulas(endless=endless, total=total, dense=dense))
     wanted = draw(semantics)
     role = wanted.partition("-")[0]
@@ -43,7 +43,7 @@ def cases(
 
 
 def read(case: Case) -> Read:
-    """How the oracle reads the predicates of a case."""
+    """Return the predicate reader of the oracle for a case."""
     spec, semantics = case
     sides = {
         io: frozenset(name for name, d in spec.declarations.items() if d.io == io)

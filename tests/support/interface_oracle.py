@@ -1,4 +1,4 @@
-"""The definition of interface-aware robustness, written down naively.
+"""A direct implementation of the definition of interface-aware robustness.
 
 Shares no code with the library.
 """
@@ -21,11 +21,11 @@ SEMANTICS: tuple[SemanticsName, ...] = (
 
 
 def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> Read:
-    """How predicates are read: their robustness with respect to U, relative to V.
+    """Return a reader of predicates: their robustness with respect to U, relative to V.
 
-    A predicate has its usual value if one of its variables is in U and the others are in U or V.
-    It is infinite, with the sign of its truth, if all are in V. If one is in neither it is 0, and
-    nobody knows which.
+    A predicate has its usual value if one of its variables is in U and the others are in U or V. It
+    is infinite, with the sign of its truth, if all are in V. If one is in neither, it is 0 and its
+    truth is unknown.
     """
 
     def read(f: Node, trace: Trace, i: int | None) -> Value:

@@ -1,7 +1,7 @@
-"""Threads that take turns where a test says so, in every order that there is.
+"""Threads that take turns at points that a test sets, in every possible order.
 
-One thread runs at a time. At each point (`Turns.point`, and before each acquisition of a lock that
-`Turns.lock` made) the next one to run is chosen; `every_order` plays all choices, one run for each.
+One thread runs at a time. At each point (`Turns.point`, and before each acquisition of a lock from
+`Turns.lock`) the next thread is chosen; `every_order` plays all choices, one run for each.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ _PATIENCE = 30.0
 
 
 class Turns:
-    """Gives turns to threads by a list of choices; beyond its end the first thread goes on.
+    """The turns of threads in a list of choices; after its end the first thread continues.
 
     Args:
-        choices: At each point, which of the threads that can go on does so.
+        choices: At each point, the index of the next thread among those that can continue.
 
     Attributes:
-        options: At each point so far, how many threads could go on.
+        options: At each point so far, the number of threads that could continue.
         order: The names of the threads, in the order of their turns.
     """
 
@@ -36,7 +36,7 @@ class Turns:
         self._done = _Semaphore(0)
 
     def run(self, **tasks: Callable[[], object]) -> None:
-        """Run tasks, each in a thread, until all have ended; an error of one is raised."""
+        """Run tasks, each in a thread, until all have ended; raise an error of any task."""
         turns = [_Turn(name, self, task) for name, task in tasks.items()]
         threads = [_Thread(target=each.run, daemon=True) for each in turns]
         for each, thread in zip(turns, threads, strict=True):
@@ -51,14 +51,14 @@ class Turns:
                 raise each.error
 
     def point(self) -> None:
-        """Let another thread go on, or this one; in other threads than those of `run`, nothing."""
+        """Let another thread or this one continue; no effect in threads outside `run`."""
         turn = self._threads.get(threading.get_ident())
         if turn is not None:
             self._next()
             turn.wait()
 
     def lock(self) -> Lock:
-        """A lock that a thread may acquire again; others wait for their turns until it is free."""
+        """Return a reentrant lock; other threads wait for their turns until it is free."""
         return Lock(self)
 
     def _next(self) -> None:
@@ -107,7 +107,7 @@ class _Turn:
 
 
 class Lock:
-    """What `Turns.lock` gives."""
+    """The lock of `Turns.lock`."""
 
     def __init__(self, turns: Turns) -> None:
         self.owner: int | None = None
@@ -135,7 +135,7 @@ class Lock:
 
 
 def every_order() -> Iterator[Turns]:
-    """Turns for one run after another, until every order was played."""
+    """Yield the turns of one run after another, until every order was played."""
     choices: list[int] = []
     while True:
         turns = Turns(choices)

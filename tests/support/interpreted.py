@@ -1,4 +1,4 @@
-"""What a program prints where numba compiles, and where Python interprets the same functions."""
+"""The output of a program with functions compiled by numba, and interpreted by Python."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 
 
 def compiled_and_interpreted(program: str) -> tuple[str, str]:
-    """What a program prints in a process that compiles, and in one that does not."""
+    """Return the output of a program in a process that compiles, and in one that does not."""
     compiled, interpreted = (
         subprocess.run(
             [sys.executable, "-c", program],

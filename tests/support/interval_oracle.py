@@ -1,6 +1,6 @@
-"""What interval arithmetic must contain: the values at points inside the intervals.
+"""The values that interval arithmetic must contain: at points inside the intervals.
 
-It knows no rule. The points are the ends, their neighbours, the places at which some function
+It uses no rules. The points are the ends, their neighbours, the places at which some function
 turns, jumps or ends, and others between them.
 """
 
@@ -23,7 +23,7 @@ Ends = tuple[float, float]
 
 
 def order(x: float) -> tuple[float, float]:
-    """Numbers in the order in which -0.0 is below 0.0."""
+    """Sort numbers, with -0.0 below 0.0."""
     return x, math.copysign(1.0, x)
 
 
@@ -32,7 +32,7 @@ def contains(ends: Ends, x: float) -> bool:
 
 
 def points(ends: Ends, rng: random.Random, count: int = 4) -> list[float]:
-    """Numbers between two ends."""
+    """Return numbers between two ends."""
     lower, upper = ends
     near = (math.nextafter(lower, INF), math.nextafter(upper, -INF))
     low, high = max(lower, -1e9), min(upper, 1e9)
@@ -45,7 +45,7 @@ def points(ends: Ends, rng: random.Random, count: int = 4) -> list[float]:
 def values(
     function: Callable[..., float], operands: Sequence[Ends], rng: random.Random
 ) -> Iterator[float]:
-    """The values of a function at points inside the intervals, where it has one."""
+    """Return the values of a function at points inside the intervals, if it is defined there."""
     for at in itertools.product(*(points(ends, rng) for ends in operands)):
         value = function(*at)
         if not math.isnan(value):
@@ -53,7 +53,7 @@ def values(
 
 
 def some_ends(rng: random.Random, numbers: Sequence[float] = NUMBERS) -> Ends:
-    """Two ends, in order; at times the same one."""
+    """Two ends in order, sometimes equal."""
     x, y = (rng.choice(numbers) for _ in range(2))
     y = x if rng.random() < 0.15 else y
     lower, upper = sorted((x, y), key=order)
@@ -61,7 +61,7 @@ def some_ends(rng: random.Random, numbers: Sequence[float] = NUMBERS) -> Ends:
 
 
 def inside(value: float | UncertainValue, rng: random.Random) -> float:
-    """A number that a value may be."""
+    """A number inside bounds."""
     if not isinstance(value, UncertainValue):
         return value
     assert isinstance(value.lower, float)

@@ -1,4 +1,4 @@
-"""A wrapper that counts episodes, and an environment that it can count in."""
+"""A wrapper that counts episodes, and an environment for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from replay import Replay
 
 
 class Fresh(Replay):
-    """Gives a new info at every step, which those that count write into."""
+    """An environment with a new info at every step, so that wrappers can write into it."""
 
     def step(self, action: object) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         *rest, info = super().step(action)
@@ -17,7 +17,7 @@ class Fresh(Replay):
 
 
 class Monitor(gym.Wrapper[Any, Any, Any, Any]):
-    """Keeps the verdict logs of Stable-Baselines3's `Monitor`, in its attributes."""
+    """A wrapper with the attributes of Stable-Baselines3's `Monitor`."""
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)

@@ -1,4 +1,4 @@
-"""Systems that call ``sys.exit`` somewhere, which does not end a simulation."""
+"""Systems that call ``sys.exit``, which does not end a simulation."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def leaves_while_running(x: float) -> Iterator[Mapping[str, float]]:
 
 
 LEAVING = ("reset", "step", "policy")
-"""Where an episode of `Leaving` may leave the program."""
+"""The places at which an episode of `Leaving` may leave the program."""
 
 
 class Leaving(gym.Env[Any, Any]):
     """An environment of three steps that leaves the program in episodes of odd seeds.
 
     Args:
-        where: Where it leaves: one of `LEAVING`, or ``"init"`` in every episode.
+        where: The place: one of `LEAVING`, or ``"init"`` for every episode.
     """
 
     observation_space = spaces.Box(-9, 9, (1,), np.float64)

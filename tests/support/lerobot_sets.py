@@ -1,4 +1,4 @@
-"""Writes LeRobot data sets, version 3, in the layout that the library writes."""
+"""Write LeRobot data sets, version 3, in the layout of the library."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -30,9 +30,9 @@ def write_data_set(
         folder: The folder.
         episodes: The states of each episode, shape (frames, names).
         fps: Frames per second.
-        tasks: The tasks, which the episodes take in turn.
+        tasks: The tasks, which episodes use in turn.
         files: The number of Parquet files.
-        times: The times of episodes that are not those of the frames.
+        times: The times of episodes that differ from the times of frames.
         names: The names of the elements of a state.
     """
     features = {

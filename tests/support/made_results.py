@@ -21,7 +21,7 @@ SPACE = [Parameter("inflow", 0.1, 0.3, unit="m3/s"), Parameter("leak", 0.1, 0.2)
 
 
 def figures(section: Section, kind: str) -> list[Figure]:
-    """The charts of a kind in a section, in their order."""
+    """Return the charts of a kind in a section, in order."""
     drawn = [*section.figures, *(each for r in section.requirements for each in r.figures)]
     return [each for each in drawn if isinstance(each, Figure) and each.kind == kind]
 
@@ -35,17 +35,17 @@ def tank(inflow: float, leak: float) -> Iterator[dict[str, float]]:
 
 
 def searched() -> Falsification:
-    """A search that finds that the tank runs over."""
+    """Return a search that finds an overflow of the tank."""
     return falsify(tank, {"dry": SPECS["dry"]}, SPACE, period=1)
 
 
 def swept() -> Sweep:
-    """A sweep over a grid of the tank."""
+    """Return a sweep over a grid of the tank."""
     return sweep(tank, SPECS, SPACE, samples=4, sampler="grid", period=1, progress=False)
 
 
 def outcome(height: float, at: float | None = None) -> Outcome:
-    """The outcome of a robustness: violated if negative, open if it is 0.5."""
+    """Return the outcome of a robustness: violated if negative, undecided if it is 0.5."""
     verdict = Verdict.UNDECIDED if height == 0.5 else Verdict(1 if height >= 0 else -1)
     decided = None if at is None else Moment(None, at)
     return Outcome(height, -math.inf, height, verdict, decided)
@@ -60,13 +60,13 @@ def row(
     reward: float | None = None,
     error: str = "",
 ) -> Trial:
-    """A row of 2 simulated seconds; violations are certain at the time given."""
+    """Return a row of 2 simulated seconds, with violations certain at a time."""
     outcomes = {name: outcome(h, at if h < 0 else None) for name, h in heights.items()}
     return Trial(Case(case or {}), seed, outcomes, "duration", 2.0, 0.1, error, reward)
 
 
 def wave(samples: int, seed: int = 0, signals: int = 2) -> Run:
-    """A run over random signals ``x0``, ``x1``, ... of which ``low`` bounds the first."""
+    """Return a run over random signals ``x0``, ``x1``, ... with ``low`` as a bound of the first."""
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(samples, signals)).round(3)
     values[samples // 3, 0] = 9.0 + seed
@@ -77,7 +77,7 @@ def wave(samples: int, seed: int = 0, signals: int = 2) -> Run:
 
 
 def evaluation(rows: Sequence[Trial], runs: Mapping[str, tuple[Run, ...]]) -> Evaluation:
-    """An evaluation of two requirements with these episodes."""
+    """Return an evaluation of two requirements with these episodes."""
     texts = {"low": "always(x0 < 5)", "seen": "eventually[0:1](x1 > 0.5)"}
     record = Record(rows, texts, "Waves-v0")
     return Evaluation(record, "Waves-v0", "random", Fraction(1, 10), 2.0, 7, None, runs)

@@ -1,4 +1,4 @@
-"""A middleware without ROS: messages, a clock and timers that a test moves by hand."""
+"""A middleware without ROS: messages, a clock and timers that a test controls."""
 
 # ruff: noqa: ANN401 - the classes of messages have no types
 from __future__ import annotations
@@ -21,7 +21,7 @@ SECOND = 1_000_000_000
 
 
 def _fields(**defaults: Any) -> type:
-    """A class of messages with slots and defaults, as genpy makes them."""
+    """Return a class of messages with slots and defaults, as genpy creates them."""
 
     def __init__(self: Any) -> None:  # noqa: N807
         for name, default in defaults.items():
@@ -62,7 +62,7 @@ CLASSES: dict[tuple[str, str], type] = {
 
 
 def message(package: str, name: str, *, stamp: int | None = None, **values: Any) -> Any:
-    """A message with values by path: ``twist__twist__linear__x=1.0``."""
+    """Return a message with values by path: ``twist__twist__linear__x=1.0``."""
     made = CLASSES[package, name]()
     if stamp is not None:
         made.header.stamp.ns = stamp
@@ -77,7 +77,7 @@ def message(package: str, name: str, *, stamp: int | None = None, **values: Any)
 
 @dataclass
 class _Open:
-    """What is open until it is closed."""
+    """An object that is open until it is closed."""
 
     of: list[Any]
     callback: Callable[..., Any]
@@ -118,21 +118,21 @@ class _Publisher:
 
 @dataclass
 class MemoryMiddleware:
-    """A node of no ROS.
+    """A node without ROS.
 
     Attributes:
-        time: What `now` gives.
+        time: The result of `now`.
         published: Every (topic, message), in order.
-        lines: What was logged.
+        lines: The logged lines.
         missing: Packages that are not installed.
         refused: Topics that it refuses.
-        simulated: Whether its clock is a simulated one.
+        simulated: Whether its clock is simulated.
         later: The nanoseconds by which the steady clock is ahead of `time`.
         waiting: Messages that wait for `take_waiting`.
         publishing: The publishers of topics.
-        known: What `published_topics` gives.
-        standing: What `ros_state` gives.
-        remapped: Whole names of topics, instead of those that they would have.
+        known: The result of `published_topics`.
+        standing: The result of `ros_state`.
+        remapped: Complete names of topics that replace their own.
     """
 
     generation: int = 1
@@ -244,39 +244,39 @@ class MemoryMiddleware:
     def close(self) -> None:
         raise NotImplementedError
 
-    # What a test does. --------------------------------------------------------------------------
+    # The actions of a test. ----------------------------------------------------------------------
 
     def wait(self, topic: str, message: Any, number: int | None = None) -> None:
-        """A message is received now, and waits until `take_waiting`."""
+        """Receive a message now, and let it wait until `take_waiting`."""
         self.waiting.append((topic, message, Reception(self.time, number)))
 
     def send(self, topic: str, message: Any, reception: Reception = Reception()) -> None:  # noqa: B008
-        """A message comes to every subscription of its topic."""
+        """Deliver a message to every subscription of its topic."""
         for each in list(self.subscriptions):
             if each.topic == topic:
                 assert type(message) is each.message
                 each.callback(*((message, reception) if each.receptions else (message,)))
 
     def tick(self, time: int | None = None) -> None:
-        """The timers call, at a time; without one, now. Their grids begin where they were made."""
+        """Call the timers at a time, by default now. Their grids start at their creation."""
         self.time = self.time if time is None else time
         for each in list(self.timers):
             each.callback(self.time - (self.time - each.begin) % each.period)
 
     def call(self, name: str) -> tuple[bool, str]:
-        """What a service of the node answers."""
+        """Return the answer of a service of the node."""
         (service,) = [each for each in self.services if each.topic == name]
         return answered(service.callback, lambda text: self.log(Level.ERROR, text))
 
     def on(self, topic: str) -> list[Any]:
-        """The messages published on a topic."""
+        """Return the messages published on a topic."""
         return [message for at, message in self.published if at == topic]
 
     def data(self, topic: str) -> list[float]:
-        """The numbers published on a topic."""
+        """Return the numbers published on a topic."""
         return [message.data for message in self.on(topic)]
 
     def latched(self, topic: str) -> float:
-        """What a subscriber that comes late gets of a topic."""
+        """Return the latched message of a topic."""
         assert all(each.latched for each in self.publishers if each.topic == topic)
         return float(self.data(topic)[-1])

@@ -18,7 +18,7 @@ MS = 1_000_000
 def started(
     *texts: str, begin: int = 1000 * SECOND, **settings: object
 ) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs; the grid of its timer begins at a time."""
+    """Return a running node; the grid of its timer starts at a time."""
     ros = MemoryMiddleware(time=begin)
     node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
     node.start()
@@ -26,18 +26,18 @@ def started(
 
 
 def let_defaults_count(ros: MemoryMiddleware) -> None:
-    """Let two seconds of the steady clock pass, after which no default waits."""
+    """Let two seconds of the steady clock pass, after which defaults count."""
     ros.later += 2 * SECOND
     ros.tick()
 
 
 def send(ros: MemoryMiddleware, name: str, value: float) -> None:
-    """A number on a topic."""
+    """Publish a number on a topic."""
     ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
 
 
 def topics(ros: MemoryMiddleware) -> dict[str, str]:
-    """The topics that are published, with the packages of their messages."""
+    """Return the published topics, with the packages of their messages."""
     packages = {kind: package for (package, _), kind in CLASSES.items()}
     return {each.topic: packages[each.message] for each in ros.publishers}
 

@@ -10,8 +10,8 @@ import numpy as np
 
 INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast")
 
-# Boxes that are pushed over: contacts, so that the warm start of the solver matters, sensors that
-# are late, an actuator with a state.
+# Boxes that are pushed over: contacts, so that the warm start of the solver matters, delayed
+# sensors, and an actuator with a state.
 BOXES = """
 <mujoco model="boxes">
   <option timestep="0.005" integrator="{integrator}"/>
@@ -71,13 +71,13 @@ ARM = """
 
 
 def arm(integrator: str = "Euler") -> tuple[Any, Any]:
-    """A model and its data: an arm of two joints above a floor, and a ball that falls."""
+    """Return a model and its data: an arm of two joints above a floor, and a falling ball."""
     model = mujoco.MjModel.from_xml_string(ARM.format(integrator=integrator))
     return model, mujoco.MjData(model)
 
 
 def swing(model: Any, data: Any) -> None:  # noqa: ANN401
-    """Sets controls that depend on the time alone."""
+    """Set controls that depend only on the time."""
     data.ctrl[:] = [np.sin(3.0 * data.time), 0.3 * np.cos(7.0 * data.time)][: model.nu]
 
 
@@ -89,7 +89,7 @@ def record(
     *,
     forward: bool = False,
 ) -> list[float]:
-    """Simulates in a plain loop; the values of ``look`` at the start and after every step."""
+    """Simulate in a plain loop; return the values of ``look`` at the start and after every step."""
     mujoco.mj_forward(model, data)
     seen = [look(data)]
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Texts in which numbers are constants, and other values for these."""
+"""Texts with constants as numbers, and other values for them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Named:
 
     Attributes:
         text: The text, which defines some of them.
-        first: Their values in the formula that the text was made of.
+        first: Their values in the original formula.
         then: Other values.
     """
 
@@ -25,14 +25,14 @@ class Named:
 
     @property
     def written(self) -> str:
-        """The formula with the other values in the places of the names."""
+        """Return the formula with the other values instead of the names."""
         body = self.text.rpartition("\n")[2]
         return "".join(self.then.get(word, word) for word in words(body))
 
 
 @st.composite
 def with_names(draw: st.DrawFn, formula: str, prefix: str = "k") -> Named:
-    """The text of a formula in which some numbers have names."""
+    """Return the text of a formula in which some numbers have names."""
     used: dict[str, str] = {}
     found = []
     for word in words(formula):
@@ -48,7 +48,7 @@ def with_names(draw: st.DrawFn, formula: str, prefix: str = "k") -> Named:
 
 
 def words(text: str) -> list[str]:
-    """The parts of a text of which numbers are whole parts."""
+    """Return the parts of a text in which numbers are separate parts."""
     parts, word = [], ""
     for letter in text:
         if letter.isalnum() or letter in "._":

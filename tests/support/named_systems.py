@@ -57,7 +57,7 @@ def wrapped() -> gym.Env[Any, Any]:
 
 
 class Lamp:
-    """What is no function, and has a method that is none of its own."""
+    """An object that is not a function, with a method."""
 
     def burn(self, time: float) -> Mapping[str, float]:
         """A bound method."""

@@ -1,4 +1,4 @@
-"""Signs of a trace over dense time, made from what Python gives the native class."""
+"""Signs of a trace in dense time, from the arguments that Python passes to the native class."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LOAD = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
 
 
 def signs(**changes: object) -> Any:  # noqa: ANN401 - of the native module
-    """The signs of x on a trace that was cut, or of what is changed."""
+    """Return the signs of x on a trace that was cut, or of changed arguments."""
     native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
     made: dict[str, object] = {
         "terms": [LOAD],

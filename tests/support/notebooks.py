@@ -1,6 +1,6 @@
-"""Notebooks as they are played: their cells in order, and what each shows.
+"""Notebooks as users run them: their cells in order, and the output of each.
 
-Run: python tests/support/notebooks.py docs/notebooks/*.ipynb, which writes what the cells show.
+Run: python tests/support/notebooks.py docs/notebooks/*.ipynb, which writes the outputs of cells.
 
 To add a notebook: a file in ``docs/notebooks``, and its entry in ``docs/examples.md``. Run this
 script; ``tests/project/test_notebooks.py`` compares the output of the cells.
@@ -25,13 +25,13 @@ import matplotlib.pyplot as plt
 __all__ = ["Output", "play"]
 
 Output = dict[str, Any]
-"""What a cell shows, as the format of notebooks has it."""
+"""The output of a cell in the format of notebooks."""
 
 
 def play(path: Path) -> Iterator[tuple[dict[str, Any], list[Output]]]:
-    """Runs a notebook; yields each of its cells of code with what it shows now."""
+    """Run a notebook; yield each code cell with its new output."""
     names: dict[str, Any] = {"__name__": "__main__"}
-    plt.close("all")  # a notebook begins with no picture, whatever ran before in this process
+    plt.close("all")  # a notebook starts without a picture, also after others in this process
     for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] == "code":
             where = f"{path.name}, cell {number}"
@@ -69,7 +69,7 @@ def _outputs(source: str, where: str, names: dict[str, Any]) -> Iterator[Output]
 
 
 def main(paths: list[str]) -> None:
-    """Writes what the cells of notebooks show into them."""
+    """Write the outputs of cells into notebooks."""
     for path in map(Path, paths):
         notebook = json.loads(path.read_text(encoding="utf-8"))
         cells = (cell for cell in notebook["cells"] if cell["cell_type"] == "code")

@@ -1,7 +1,7 @@
-"""Clocks of temporal operators by their definition, over a recorded trace; nothing is kept.
+"""Clocks of temporal operators by their definition, over a recorded trace, without a state.
 
-Every number is found anew from all samples up to now. The patterns say by hand what kind of clock
-their operators have, and when these are asked.
+Every number is computed from all samples so far. The patterns state the kind of clock of their
+operators, and the condition under which it runs.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ class Expected:
         formula: The operator, as text.
         name: Its name.
         kind: ``"oldest"``, ``"newest"`` or ``"last"``.
-        begin: The begin of its window.
-        end: The end; None if there is none.
+        begin: The start of its window.
+        end: The end; None if it is unbounded.
         operands: Its operands, as texts.
-        asked: The formula that holds where it is asked; None: everywhere; ``"first"``: at sample 0.
+        asked: The formula that holds at its triggers; None for every sample; ``"first"`` for sample
+            0.
     """
 
     formula: str
@@ -46,12 +47,12 @@ def truth(text: str, trace: Trace, i: int) -> bool:
 
 
 def clock(expected: Expected, trace: Trace, t: int) -> float:
-    """The clock at sample t."""
+    """Return the clock at sample t."""
     return _KINDS[expected.kind](expected, trace, t)
 
 
 def margin(text: str, trace: Trace, t: int) -> float:
-    """The newest known robustness of an operand at sample t; 0 while none is known."""
+    """Return the newest known robustness of an operand at sample t; 0 before the first one."""
     formula = rtamt.parse(text).formula
     instant = t - int(oracle.horizon(formula))
     n = len(next(iter(trace.values())))
@@ -69,7 +70,7 @@ def _asked(expected: Expected, trace: Trace, s: int) -> bool:
 
 
 def _full(expected: Expected, late: int) -> int:
-    """What a clock of 1 counts."""
+    """Return the count of a clock at 1."""
     return expected.begin + late + 2 if expected.end is None else expected.end + late + 1
 
 
@@ -83,15 +84,15 @@ def _oldest(expected: Expected, trace: Trace, t: int) -> float:
 
 
 def _count(expected: Expected, trace: Trace, t: int, late: int, full: int) -> int:
-    """From the oldest pending instant to t, or ``full`` where it is overdue or done."""
-    newest = t - late  # the newest instant whose operands are known
+    """Return the time from the oldest pending instant to t; ``full`` if it is overdue or done."""
+    newest = t - late  # the newest instant with known operands
     first, *second = [
         [truth(text, trace, u) for u in range(newest + 1)] for text in expected.operands
     ]
     a = expected.begin
 
     def ends(s: int, u: int) -> bool:
-        """Whether an instant is no longer pending after u."""
+        """Return whether an instant is no longer pending after u."""
         match expected.name:
             case "eventually":
                 return first[u] and u >= s + a

@@ -1,4 +1,4 @@
-"""Formulas of which only the operators above the predicates are looked at."""
+"""Formulas with unknown predicates, so that only the operators above them count."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rtamt.language.node import Node
 
 
 def opened(formula: Formula) -> tuple[Formula, tuple[str, ...]]:
-    """The formula with a variable of its own in place of every predicate."""
+    """Return the formula with a new variable instead of every predicate."""
     known: dict[Node, Node] = {}
     names: list[str] = []
     for node in formula.nodes():

@@ -1,10 +1,10 @@
-"""The definitions of STL robustness, written down naively; shares no code with the library.
+"""A direct implementation of the definitions of STL robustness; shares no code with the library.
 
 A value is an interval ``(low, high)``. On a finite trace every predicate is a point. Over all
-continuations and ends of a trace (``open_end=True``) a predicate at an unseen sample is
-(-inf, inf), the future has no end, and from `settled` samples on every sub-formula keeps its value.
-But for the instant of the operator itself, an unseen sample may not be there: it can be missing
-from a window of the future.
+continuations and ends of a trace (``open_end=True``) a predicate at an unseen sample is (-inf,
+inf), the future is unbounded, and from `settled` samples on every sub-formula keeps its value. An
+unseen sample may be missing from a window of the future, except at the instant of the operator
+itself.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ INF = math.inf
 Value = tuple[float, float]
 Trace = Mapping[str, Sequence[float]]
 Read = Callable[[Node, Trace, int | None], Value]
-"""The value of a predicate at a sample; None is an unseen one."""
+"""The value of a predicate at a sample; None is an unseen sample."""
 
 
 def predicate(f: Node, trace: Trace, i: int | None) -> Value:
-    """The value of a predicate; at an unseen sample any, if it has variables."""
+    """Return the value of a predicate; any value at an unseen sample, if it has variables."""
     if i is None:
         if f.variables:
             return -INF, INF
@@ -38,7 +38,7 @@ def predicate(f: Node, trace: Trace, i: int | None) -> Value:
 
 
 def holds(f: Node, trace: Trace, i: int) -> bool:
-    """Whether a predicate holds at a sample, by the comparison that it is."""
+    """Return whether a predicate holds at a sample, as a comparison."""
     assert f.op is not None
     if f.op.name in ("true", "false"):
         return f.op.name == "true"
@@ -47,12 +47,12 @@ def holds(f: Node, trace: Trace, i: int) -> bool:
 
 
 def robustness(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[float]:
-    """The robustness at every sample of a trace of n samples."""
+    """Return the robustness at every sample of a trace of n samples."""
     return [value[1] for value in values(formula, trace, n, read)]
 
 
 def values(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[Value]:
-    """The robustness at every sample; from -0.0 to 0.0 where it hangs on a neutral predicate."""
+    """Return the robustness at every sample; from -0.0 to 0.0 if a neutral predicate decides it."""
     at = _meaning(trace, n, n - 1, read, open_end=False)
     return [at(formula, i) for i in range(n)]
 
@@ -60,7 +60,7 @@ def values(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[
 def episode(
     formula: Node, trace: Trace, n: int, read: Read = predicate
 ) -> tuple[float, float, float]:
-    """After n samples: robustness at 0 if the trace ended now, and its bounds otherwise."""
+    """Return robustness at 0 if the trace ends after n samples, and otherwise its bounds."""
     now = robustness(formula, trace, n, read)[0] if n else math.nan
     return now, *opened(formula, trace, n, read)(formula, 0)
 
@@ -68,12 +68,12 @@ def episode(
 def opened(
     formula: Node, trace: Trace, n: int, read: Read = predicate
 ) -> Callable[[Node, int], Value]:
-    """The bounds of sub-formulas at any time, whatever comes after n samples, nothing too."""
+    """Return the bounds of sub-formulas at any time over all continuations of n samples."""
     return _meaning(trace, n, n + settled(formula), read, open_end=True)
 
 
 def horizon(f: Node) -> float:
-    """Samples of future that the formula needs; inf if all of them."""
+    """Return the samples of future that the formula needs; inf for all."""
     if f.op is None or f.op.operands == "term":
         return 0
     h = [horizon(arg) for arg in f.args]
@@ -98,7 +98,7 @@ def horizon(f: Node) -> float:
 
 
 def settled(f: Node) -> int:
-    """Samples after the last seen one until no value changes any more: the unseen are equal."""
+    """Return the samples after the last seen one until no value changes: unseen ones are equal."""
     a, b = bounds(f)
     own = 0 if f.op is None else 1 + int(a if b == INF else b)
     return own + max(map(settled, f.args), default=0)
@@ -124,7 +124,7 @@ def all_(values: Iterable[Value]) -> Value:
 
 
 def order(value: float) -> tuple[float, float]:
-    """The order of numbers, -0.0 below 0.0."""
+    """Return a key that orders numbers with -0.0 below 0.0."""
     return value, math.copysign(1.0, value)
 
 
@@ -150,11 +150,11 @@ def _meaning(  # noqa: C901
         back = range(int(max(i - b, 0)), i - a + 1)
 
         def needed(j: int, value: Value) -> Value:
-            """What time j adds to a minimum over times from now on."""
+            """Return the contribution of time j to a minimum over times from now on."""
             return (value[0], INF) if open_end and j >= n and j != i else value
 
         def offered(j: int, value: Value) -> Value:
-            """What time j adds to a maximum."""
+            """Return the contribution of time j to a maximum."""
             return not_(needed(j, not_(value)))
 
         def witness(j: int) -> Value:
@@ -206,7 +206,7 @@ def _meaning(  # noqa: C901
 
 
 def difference(f: Node, trace: Trace, i: int) -> float:
-    """How far a predicate is from its bound."""
+    """Return the distance of a predicate from its bound."""
     assert f.op is not None
     if f.op.name in ("true", "false"):
         value = INF if f.op.name == "true" else -INF
@@ -231,7 +231,7 @@ def difference(f: Node, trace: Trace, i: int) -> float:
 
 
 def term(t: Node, trace: Trace, i: int) -> float:
-    """The value of a term in IEEE doubles."""
+    """Return the value of a term in IEEE doubles."""
     if t.op is None:
         return trace[t.leaf][i] if isinstance(t.leaf, str) else float(t.leaf or 0.0)
     first, *rest = (term(arg, trace, i) for arg in t.args)
@@ -250,7 +250,7 @@ def term(t: Node, trace: Trace, i: int) -> float:
 def _ieee(function: Callable[..., float], *args: float) -> float:
     try:
         return float(function(*args))
-    except (ArithmeticError, ValueError):  # where Python raises, IEEE has a value: numpy's
+    except (ArithmeticError, ValueError):  # Python raises an error; use the IEEE value of NumPy
         with np.errstate(all="ignore"):
             return float(_IEEE[function](*map(np.float64, args)))
 

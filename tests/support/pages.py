@@ -1,4 +1,4 @@
-"""Pages of documentation: their blocks of code, their links, and what their commands print."""
+"""Pages of documentation: their code blocks, their links, and the output of their commands."""
 
 import re
 import shlex
@@ -10,12 +10,12 @@ from rtamt_gym.__main__ import main
 
 
 def blocks(text: str, language: str) -> list[str]:
-    """The fenced blocks of a language."""
+    """Return the fenced blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
 def broken_links(page: Path) -> list[str]:
-    """Links to files or headings that are not there."""
+    """Return links to missing files or headings."""
     prose = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     links = re.findall(r"\]\(([^)#:]*)(?:#([^):]+))?\)", prose)
     return [
@@ -32,7 +32,7 @@ def _leads_somewhere(target: Path, anchor: str) -> bool:
 
 
 def _anchors(text: str, folder: Path) -> set[str]:
-    """The anchors of the headings of a page and of the files that it includes."""
+    """Return the anchors of the headings of a page and of the files that it includes."""
     included = re.findall(r"^```{include} (\S+)$", text, re.MULTILINE)
     found = {
         anchor
@@ -47,7 +47,7 @@ def _anchors(text: str, folder: Path) -> set[str]:
 
 
 def check_session(session: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Run the command of a block ``$ rtamt ...``; it prints what stands below it."""
+    """Run the command of a block ``$ rtamt ...``, and compare its output with the block."""
     prompt, _, shown = session.partition("\n")
     dollar, program, *arguments = shlex.split(prompt)
     assert (dollar, program) == ("$", "rtamt")

@@ -1,4 +1,4 @@
-"""An environment whose frames tell the number of the sample that they show."""
+"""An environment whose frames show the number of their sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Painted(Replay):
     Args:
         values: The numbers.
         end: How the episode ends.
-        render_mode: As Gymnasium's environments have it.
+        render_mode: The render mode of Gymnasium.
         size: Height and width of the frames.
     """
 
@@ -40,5 +40,5 @@ class Painted(Replay):
 
 
 def numbers(frames: Sequence[Picture]) -> list[int]:
-    """The numbers of the samples that frames show."""
+    """Return the numbers of the samples that frames show."""
     return [int(frame[0, 0, 0]) for frame in frames]

@@ -1,4 +1,4 @@
-"""An environment of several agents in the form of PettingZoo, and the same as one of Gymnasium."""
+"""An environment of several agents in the form of PettingZoo, and the same for Gymnasium."""
 
 from __future__ import annotations
 
@@ -18,16 +18,15 @@ Five = tuple[
 
 
 class Crew:
-    """Every agent observes its numbers one after the other, and leaves after the last of them.
+    """A crew: every agent observes its numbers in order, and leaves after the last one.
 
     It has the form of PettingZoo's ``ParallelEnv`` and needs no PettingZoo. An observation is a
-    number and how many samples came before, a reward the number plus the action.
+    number and the count of earlier samples; a reward is the number plus the action.
 
     Args:
         numbers: The numbers of every agent.
-        ends: How the agents leave, ``"terminated"`` or ``"truncated"``; ``"terminated"`` if an
-            agent is not named.
-        tau: Seconds between two samples, where a monitor looks for it; None: it is not said.
+        ends: How the agents leave, ``"terminated"`` or ``"truncated"``; by default terminated.
+        tau: Seconds between two samples, as an attribute for monitors; None for no attribute.
     """
 
     def __init__(
@@ -102,9 +101,9 @@ class Crew:
 
 
 class OneOf(gym.Env[Any, Any]):
-    """A crew as an environment of Gymnasium, where those who left keep what they had last.
+    """A crew as an environment of Gymnasium; agents that left keep their last values.
 
-    The episode ends when the last of the crew leave: it is terminated if one of them is.
+    The episode ends when the last agents leave; it is terminated if one of them is.
     """
 
     def __init__(self, crew: Crew) -> None:
@@ -139,7 +138,7 @@ class OneOf(gym.Env[Any, Any]):
 
 
 def selector_of_one(selector: Any) -> Any:  # noqa: ANN401
-    """The selector of an agent as one of `OneOf`: what ``agent: obs[1]`` is there."""
+    """Return the selector in `OneOf` for a selector of an agent, such as ``agent: obs[1]``."""
     if isinstance(selector, tuple):
         return selector_of_one(selector[0]), selector[1]
     agent, rest = selector.split(": ")
@@ -160,14 +159,13 @@ def assert_as_one(
     act: Callable[[str, int], Any],
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Checks that agents are monitored together as `StlMonitor` monitors them as one.
+    """Check that monitors of several agents equal `StlMonitor` of the combined environment.
 
     Args:
         make: Makes the environment of several agents.
         specs: The specifications.
-        signals: Their signals, with an agent in front of every selector.
-        act: The action of an agent at a step.
-        **options: Other arguments of the monitors.
+        signals: Their signals, with an agent before every selector.
+        act: The action of an agent at a step. **options: Other arguments of the monitors.
     """
     bare = make()
     env = ParallelStlMonitor(make(), specs, signals, **options)
@@ -194,7 +192,7 @@ def assert_as_one(
         _same(rewards, rewards_bare)
         _same_infos(infos, here, info)
         ended = terminated_one or truncated_one
-        # What ends an episode that goes on by itself, or that a time limit ends, is the monitor.
+        # Only the monitor ends an episode that would continue, or that a time limit ends.
         left = not bare.agents
         by_itself = left and any(terminated_bare.values())
         for agent in here:
@@ -213,7 +211,7 @@ def _same(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
 
 
 def _same_infos(infos: Mapping[str, Any], agents: Sequence[str], info: Mapping[str, Any]) -> None:
-    """The keys of the monitor are the same for every agent; texts tell zeros and types apart."""
+    """Compare the keys of the monitor for every agent; texts distinguish zeros and types."""
     assert infos.keys() == set(agents)
     theirs = info["infos"]
     expected = {key: value for key, value in info.items() if key not in ("infos", "rewards")}

@@ -11,12 +11,12 @@ from rtamt_gym.wrappers import batched
 
 
 def sideways(step: Step) -> float:
-    """As the page shows a function: of one environment."""
+    """A function of one environment, as on the page."""
     return float(step.obs[0] - step.obs[2])
 
 
 def drift(step: Step) -> float:
-    """Reads action and reward, which are None at reset."""
+    """A function of action and reward, which are None at a reset."""
     if step.action is None or step.reward is None:
         return 0.0
     return float(step.obs[1]) + float(step.action) - 0.5 * float(step.reward)

@@ -1,4 +1,4 @@
-"""The programs that docs/learners.md shows or links, and what their environments did."""
+"""The programs on docs/learners.md or linked there, and the episodes of their environments."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from scipy.stats import binomtest
 PAGE = ROOT / "docs" / "learners.md"
 
 BOUND, LIMIT = 0.12, 20
-"""The programs ride for 20 steps at most, under ``always(abs(x) < 0.12)``."""
+"""The programs take at most 20 steps, under ``always(abs(x) < 0.12)``."""
 
 
 @dataclass(eq=False)
 class Ride:
-    """An episode of CartPole: its positions, that of reset first, and whether the pole fell."""
+    """An episode of CartPole: its positions from the reset on, and whether the pole fell."""
 
     env: Any
     positions: list[float]
@@ -45,17 +45,17 @@ class Ride:
 
     @property
     def outside(self) -> int:
-        """Steps after which the cart is outside."""
+        """Return the steps after which the cart is outside."""
         return sum(margin <= 0 for margin in self.margins[1:])
 
     @property
     def success(self) -> bool:
-        """Inside all the time, and no fall."""
+        """Return whether the cart was always inside, without a fall."""
         return not self.fell and min(self.margins) > 0
 
     @property
     def violated_at(self) -> int:
-        """The first sample outside; if there is none, the last, at which the pole falls."""
+        """Return the first sample outside; without one, the last sample, of the fall."""
         outside = (at for at, margin in enumerate(self.margins) if margin <= 0)
         return next(outside, self.steps)
 
@@ -68,12 +68,12 @@ class Rides:
     steps: int = 0
 
     def ended(self, *, early: bool, limit: int = LIMIT, within: object = None) -> list[Ride]:
-        """Those that came to their end, in the order of their ends.
+        """Return the complete episodes, in the order of their ends.
 
         Args:
             early: Whether the first step outside is an end.
             limit: The steps after which an episode ends.
-            within: A vector environment, of Stable-Baselines3 or of Gymnasium: its episodes alone.
+            within: A vector environment of Stable-Baselines3 or Gymnasium, for its episodes only.
         """
         envs: Any = None if within is None else within.get_attr("unwrapped")  # type: ignore[attr-defined]
         ended = [
@@ -86,7 +86,7 @@ class Rides:
 
 
 def shares_of(rides: Sequence[Ride]) -> dict[str, float]:
-    """The metrics of training of one requirement, ``spec``, counted by hand."""
+    """Return the training metrics of one requirement, ``spec``, counted by hand."""
     violations = [ride for ride in rides if not ride.success]
     good = 1 - len(violations) / len(rides)
     metrics = {"satisfied": good, "spec/satisfied": good, "spec/undecided": 0.0}
@@ -108,27 +108,27 @@ def shares_of(rides: Sequence[Ride]) -> dict[str, float]:
 
 
 def cost_of(rides: Sequence[Ride]) -> dict[str, float]:
-    """The mean cost of an episode with ``cost="violation"``, by hand: steps outside."""
+    """Return the mean cost of an episode with ``cost="violation"``, by hand: steps outside."""
     return {"cost": sum(ride.outside for ride in rides) / len(rides)}
 
 
 def counts_of(rides: Sequence[Ride]) -> dict[str, float]:
-    """The counts of training since its start, by hand."""
+    """Return the counts of training since its start, by hand."""
     return {"episodes": len(rides), "spec/violations": sum(not ride.success for ride in rides)}
 
 
 def least(values: Sequence[float], share: float) -> float:
-    """The least of the values that at least this share of them does not exceed."""
+    """Return the smallest value that at least this share of the values does not exceed."""
     return sorted(values)[ceil(share * len(values)) - 1]
 
 
 def score(rides: Sequence[Ride]) -> tuple[int, int]:
-    """What the best model is chosen by: successes, and of equals the sum of the returns."""
+    """Return the score of the best model: successes, and at a tie the sum of the returns."""
     return sum(ride.success for ride in rides), sum(ride.steps for ride in rides)
 
 
 def play(env: gym.Env[Any, Any], seed: int, act: Callable[[Any], int]) -> None:
-    """Plays an episode."""
+    """Play an episode."""
     obs, _ = env.reset(seed=seed)
     ended = False
     while not ended:
@@ -138,12 +138,12 @@ def play(env: gym.Env[Any, Any], seed: int, act: Callable[[Any], int]) -> None:
 
 @contextmanager
 def watched() -> Iterator[Rides]:
-    """Watches every CartPole: what its own ``reset`` and ``step`` return."""
+    """Record the results of ``reset`` and ``step`` of every CartPole."""
     rides = Rides()
     reset: Any = CartPoleEnv.reset
     step: Any = CartPoleEnv.step
 
-    @wraps(reset)  # Gymnasium looks at its parameters
+    @wraps(reset)  # Gymnasium reads its parameters
     def watched_reset(env: Any, **arguments: Any) -> Any:  # noqa: ANN401
         result = reset(env, **arguments)
         env.ride = Ride(env, [float(result[0][0])])
@@ -165,7 +165,7 @@ def watched() -> Iterator[Rides]:
 
 
 def programs() -> dict[str, str]:
-    """The programs of the page by heading: the example that a section links, or its block.
+    """Return the programs of the page by heading: the linked example, or the block of a section.
 
     Sessions of ``>>>`` are not programs.
     """
@@ -181,7 +181,7 @@ def programs() -> dict[str, str]:
 
 
 def excerpts() -> dict[str, list[str]]:
-    """The blocks of Python of the sections that link an example, by the path of the example."""
+    """Return the Python blocks of sections that link an example, by the path of the example."""
     return {
         _EXAMPLE.findall(section)[0]: blocks(section, "python")
         for _, section in _sections()
@@ -193,13 +193,13 @@ _EXAMPLE = re.compile(r"\]\(\.\./(examples/learners/\w+\.py)\)")
 
 
 def _sections() -> list[tuple[str, str]]:
-    """The sections of the page, each with its heading."""
+    """Return the sections of the page, each with its heading."""
     sections = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     return [(section.partition("\n")[0], section) for section in sections]
 
 
 def recipes() -> dict[str, str]:
-    """The first block of Python of each section of docs/training.md, by heading."""
+    """Return the first Python block of each section of docs/training.md, by heading."""
     text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
     sections = {section.partition("\n")[0]: section for section in text.split("\n## ")[1:]}
     own = {heading: blocks(section, "python") for heading, section in sections.items()}
@@ -208,15 +208,14 @@ def recipes() -> dict[str, str]:
 
 
 def run(heading: str, folder: Path) -> tuple[dict[str, Any], Rides]:
-    """Runs the program under a heading, as a script in a folder; as `run_program`."""
+    """Run the program under a heading as `run_program` does."""
     return run_program(programs()[heading], folder)
 
 
 def run_program(program: str, folder: Path) -> tuple[dict[str, Any], Rides]:
-    """Runs a program as a script in a folder.
+    """Run a program as a script in a folder.
 
-    Returns:
-        What the program names, and the rides.
+    Returns: The names of the program, and the rides.
     """
     script = folder / "program.py"
     script.write_text(program, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Steps one unit in two threads at once, which FMI forbids: a race that ThreadSanitizer must see.
+"""Step one unit in two threads at once, which FMI forbids: ThreadSanitizer must report the race.
 
 Run: python tests/support/race.py, with the runtime of ThreadSanitizer in the process.
 """

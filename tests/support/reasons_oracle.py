@@ -1,4 +1,4 @@
-"""Why an operator over dense time has its value at a position, found at every position one by one.
+"""Why an operator in dense time has its value at a position, checked at every position.
 
 Positions are the regions of `region_oracle`. Shares no code with the library.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from oracle import order
 
 Part = tuple[int, int, int, str]
-"""An operand, 0 or 1, the first and the last one of some positions, and what it does there."""
+"""An operand, 0 or 1, the first and the last of several positions, and its role there."""
 
 INF = math.inf
 
@@ -22,9 +22,9 @@ class Reasons(NamedTuple):
 
     Attributes:
         value: The value.
-        decided: The operand and the position whose value it is; None: the window is empty.
-        witness: The position of the right side; None: there is none.
-        parts: What makes the sign of the value.
+        decided: The operand and position of the value; None if the window is empty.
+        witness: The position of the right side; None without one.
+        parts: The parts that make the sign of the value.
     """
 
     value: float
@@ -52,8 +52,8 @@ class Operands:
             return Reasons(value, (0, least), None, [(0, now, stretch[-1], "held")])
         if holds(until.value):
             return until
-        # It names the earliest place at which the left side fails, unless the way goes through
-        # another one, which nothing names then.
+        # Report the earliest place at which the left side fails, unless the path leads through
+        # another one.
         fails = next(k for k in stretch if not holds(self.left[k]))
         ranges = [(fails, fails), *(span for side, *span, _ in until.parts if side == 0)]
         if always and not any(first <= least <= last for first, last in ranges):
@@ -64,7 +64,7 @@ class Operands:
         return until._replace(parts=parts)
 
     def windowed(self, fold: str, now: int, lo: float, hi: float) -> Reasons:
-        """The reasons of a fold of the left operand over positions from lo to hi from now."""
+        """Return the reasons of a fold of the left operand over positions from lo to hi."""
         window = range(int(max(0, now + lo)), int(min(self.last, now + hi)) + 1)
         if not window:
             return Reasons(INF if fold == "min" else -INF, None, None, [])
@@ -80,7 +80,7 @@ class Operands:
         return Reasons(value, (0, place), None, parts)
 
     def reached(self, name: str, now: int, lo: int, hi: float) -> Reasons:
-        """The reasons of since and until, from all positions of the window."""
+        """Return the reasons of since and until, from all positions of the window."""
         left, right = self.left, self.right
         if name == "since":
             window = range(int(max(0, now - hi)), now - lo + 1)
@@ -98,8 +98,8 @@ class Operands:
         if holds(value):
             held = [(0, way[0], way[-1], "held")] if way else []
             return Reasons(value, decided, witness, [*held, (1, witness, witness, "held")])
-        # The right side fails wherever the left side holds on the way, and where that ends, it
-        # fails itself.
+        # The right side fails at every place where the left side holds on the path. At the end of
+        # the path the left side itself fails.
         free = [j for j in window if all(holds(left[k]) for k in ways[j])]
         parts = [(1, free[0], free[-1], "missing")] if free else []
         if free != [*window]:

@@ -1,4 +1,4 @@
-"""Episodes recorded while they run under a monitor, and what the monitor says of them."""
+"""Episodes recorded while they run with a monitor, and the results of the monitor."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ ENDS = ("stl_success", "stl_undecided")
 def record(
     env: gym.Env[Any, Any], seed: int, policy: Callable[[Any], Any], steps: int | None = None
 ) -> tuple[Raw, Raw]:
-    """An episode as the environment inside gave it, and what the monitor around it said.
+    """Return an episode of the inner environment, and the results of the monitor around it.
 
     Args:
         env: The monitored environment.
         seed: The seed of the reset.
         policy: The action for an observation.
-        steps: After how many steps the record ends; None: at the end of the episode.
+        steps: The number of recorded steps; None records until the end of the episode.
     """
     obs, info = env.reset(seed=seed)
     observed, infos, actions, rewards = [obs], [info], [], []
@@ -70,13 +70,13 @@ def monitored(
     signals: Mapping[str, Any],
     **options: Any,  # noqa: ANN401
 ) -> gym.Env[Any, Any]:
-    """The environment in a reward if there is a mode, else in a monitor; it ends no episode."""
+    """Return the environment with a reward for a mode, otherwise a monitor; no early end."""
     wrapper = StlReward if "mode" in options else StlMonitor
     return wrapper(env, specs, signals, on_violation="report", **options)
 
 
 def difference(found: Iterable[Any], said: Iterable[Raw]) -> str:
-    """Where relabelled episodes differ from what the monitor said; empty if nowhere."""
+    """Return the first difference of relabelled episodes from the monitor, or an empty text."""
     for episode, expected in zip(found, said, strict=True):
         for key, wanted in expected.items():
             match key:
@@ -96,7 +96,7 @@ def difference(found: Iterable[Any], said: Iterable[Raw]) -> str:
 
 
 def _plain(tree: Any) -> Any:  # noqa: ANN401
-    """The same dictionaries with numbers of Python."""
+    """Return the same dictionaries with Python numbers."""
     if isinstance(tree, dict):
         return {key: _plain(value) for key, value in tree.items()}
     return tree.item() if isinstance(tree, np.generic) else tree

@@ -1,13 +1,12 @@
-"""The definitions of STL robustness over dense time, exact at every instant, written down naively.
+"""A direct implementation of STL robustness in dense time, exact at every instant.
 
-Every time of an event and every bound is a multiple of a step. So functions of time are constant
-on the instants that are multiples of the step and on the open intervals between them. These regions
-are numbered: the instant that is i steps after the begin is 2i, the interval after it 2i + 1.
+Every time of an event and every bound is a multiple of a step. Functions of time are therefore
+constant at the instants that are multiples of the step, and on the open intervals between them.
+These regions are numbered: the instant i steps after the start is 2i, the interval after it 2i + 1.
 
-A value is an interval ``(low, high)``: a point if the trace is all there is. Else regions after the
-last instant were not seen: predicates may have any value there. If anything may follow, nothing
-too, such a region may also not be there; if the trace was cut, it is there. Shares no code with the
-library.
+A value is an interval ``(low, high)``. On a complete trace it is a point. Otherwise, regions after
+the last instant were not seen, and predicates may have any value there. In an open trace such a
+region may be missing; in a cut trace it exists. Shares no code with the library.
 """
 
 from __future__ import annotations
@@ -48,15 +47,15 @@ class Regions:
         }
 
     def complete(self, formula: Node, steps: int | None = None) -> Value:
-        """The robustness at the begin, if the trace ends after so many steps."""
+        """Return the robustness at the start, if the trace ends after a number of steps."""
         return _End(self, formula, steps, "complete").at(formula, 0)
 
     def open(self, formula: Node, steps: int | None = None) -> Value:
-        """The bounds at the begin after so many steps, whatever comes."""
+        """Return the bounds at the start after a number of steps, over all continuations."""
         return _End(self, formula, steps, "open").at(formula, 0)
 
     def ended(self, formula: Node, end: str) -> tuple[float, float, float]:
-        """The robustness at the begin, moved to its bounds, and these."""
+        """Return the robustness at the start, moved to its bounds, and the bounds."""
         worst, now = self.complete(formula)
         low, high = worst, now
         if end != "complete":
@@ -64,11 +63,11 @@ class Regions:
         return max(low, min(now, high, key=order), key=order), low, high
 
     def at(self, formula: Node, end: str) -> Callable[[int], Value]:
-        """The value in any region, for a reading of the end."""
+        """Return the value in any region, for an end mode."""
         return functools.partial(_End(self, formula, None, end).at, formula)
 
     def first_decided(self, formula: Node) -> Time | None:
-        """The first instant after which the bounds have one sign."""
+        """Return the first instant after which the bounds have one sign."""
         for steps in range(self.steps + 1):
             low, high = self.open(formula, steps)
             if math.copysign(1.0, low) == math.copysign(1.0, high):
@@ -80,7 +79,7 @@ class _End:
     def __init__(self, regions: Regions, formula: Node, steps: int | None, end: str) -> None:
         self.regions, self.end = regions, end
         self.seen = 2 * (regions.steps if steps is None else steps)
-        # From there on nothing changes any more, at instants and at intervals alike.
+        # No value changes any more from there on, at instants and on intervals.
         self.last = self.seen + 2 + self.settled(formula)
         self.at = functools.cache(self._at)
         self.open = self if end != "cut" else _End(regions, formula, steps, "open")
@@ -143,7 +142,7 @@ class _End:
         return range(int(max(i - b, 0)), i - a + 1)
 
     def ahead(self, i: int, a: int, b: float) -> range | None:
-        """The regions of a window; None if it has no end and nothing of it was recorded."""
+        """Return the regions of a window; None if it is unbounded and no part was recorded."""
         if b == INF and self.end == "cut":
             return range(i + a, self.seen + 1) or None
         stop = i + b
@@ -154,7 +153,7 @@ class _End:
         return range(i + a, int(stop) + 1)
 
     def needed(self, i: int, j: int, value: Value) -> Value:
-        """What region j adds to a minimum over regions from i on."""
+        """Return the contribution of region j to a minimum over regions from i on."""
         return (value[0], INF) if self.end == "open" and j > self.seen and j != i else value
 
     def always(self, f: Node, p: Callable[[int], Value], i: int, a: int, b: float) -> Value:
@@ -183,10 +182,10 @@ class _End:
 
 
 def _inside(i: int, witness: int) -> bool:
-    """Whether a witness has p's region next to it in its own region."""
+    """Return whether p's region is next to a witness in its own region."""
     return witness != i and witness % 2 == 1
 
 
 def inside(low: float, value: float, high: float) -> bool:
-    """Whether a value lies between bounds, -0.0 below 0.0."""
+    """Return whether a value lies between bounds, -0.0 below 0.0."""
     return order(low) <= order(value) <= order(high)

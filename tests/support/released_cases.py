@@ -1,8 +1,8 @@
-"""Cases of golden/released.json, and the program that runs them with any library `rtamt`.
+"""Cases of golden/released.json, and a program that runs them with any library `rtamt`.
 
-The program uses the interface of the released library alone: under that library, version 0.4.10, it
+The program uses only the interface of the released library. With that library, version 0.4.10, it
 wrote the results into the file (``python tests/support/released_cases.py
-tests/golden/released.json``), and under this one the tests run it again.
+tests/golden/released.json``), and the tests run it with this library.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Pairs = list[list[float]]
 
 
 def measure(case: dict[str, Any]) -> object:
-    """The result of the library for a case."""
+    """Return the result of the library for a case."""
     if case["kind"].startswith("dense"):
         return measure_dense(case)
     spec = rtamt.StlDiscreteTimeSpecification(semantics=rtamt.Semantics(case["semantics"]))
@@ -35,7 +35,7 @@ def measure(case: dict[str, Any]) -> object:
 
 
 def measure_dense(case: dict[str, Any]) -> object:
-    """The result of the library for a case over dense time."""
+    """Return the result of the library for a case in dense time."""
     spec = rtamt.StlDenseTimeSpecification(semantics=rtamt.Semantics(case["semantics"]))
     declare(spec, case)
     signals = [[name, events] for name, events in case["trace"].items()]
@@ -48,7 +48,7 @@ def measure_dense(case: dict[str, Any]) -> object:
 def declare(
     spec: rtamt.StlDiscreteTimeSpecification | rtamt.StlDenseTimeSpecification, case: dict[str, Any]
 ) -> None:
-    """Declares the variables of a case and parses its formula."""
+    """Declare the variables of a case and parse its formula."""
     for name in case["trace"]:
         spec.declare_var(name, "float")
     for name in case["inputs"]:
@@ -58,7 +58,7 @@ def declare(
 
 
 def merged(breakpoints: Pairs, until: float) -> Pairs:
-    """The breakpoints before a time, each with another value than the one before."""
+    """Return the breakpoints before a time with a value that differs from the previous one."""
     found: Pairs = []
     for time, value in breakpoints:
         if time < until and (not found or found[-1][1] != value):
@@ -77,7 +77,7 @@ CLASSES = (
 
 
 def names() -> dict[str, list[str]]:
-    """Every public name of the library, and of an object of each class."""
+    """Return every public name of the library, and of an object of each class."""
     objects = {"rtamt": rtamt} | {name: getattr(rtamt, name)() for name in CLASSES}
     return {key: [n for n in dir(o) if not n.startswith("_")] for key, o in objects.items()}
 

@@ -14,7 +14,7 @@ INF = math.inf
 
 
 class Replay(gym.Env[Any, Any]):
-    """Observes the given numbers one after the other; the last one ends the episode.
+    """Observes the given numbers in order; the last one ends the episode.
 
     Args:
         values: The numbers.
@@ -54,7 +54,7 @@ X = {"x": "obs[0]"}
 
 
 def shaping_options(mode: str, *names: str) -> dict[str, Any]:
-    """A mode, with priorities where it needs them: safety, target and comfort in this order.
+    """Modes, with priorities if needed: safety, target and comfort in this order.
 
     The mode ``"verdict"`` needs a bonus or a penalty.
     """
@@ -67,7 +67,7 @@ def shaping_options(mode: str, *names: str) -> dict[str, Any]:
 
 
 def run(env: gym.Env[Any, Any], action: float = 0.5) -> list[dict[str, Any]]:
-    """The infos of one episode; the last one says whether it was terminated or truncated."""
+    """Return the infos of one episode; the last one has the kind of its end."""
     _, info = env.reset(seed=1)
     infos = [info]
     terminated = truncated = False

@@ -1,4 +1,4 @@
-"""A made-up report with a section of every kind, for tests of the page."""
+"""An artificial report with a section of every kind, for tests of the page."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ _CENTRED = replace(
 def _shown(
     requirement: Requirement, kind: SectionKind, unit: str = "s", *figures: Figure
 ) -> Requirement:
-    """A requirement with its note and its charts."""
+    """Return a requirement with its note and its charts."""
     return replace(
         requirement,
         blocks=(Text(requirement.note),) if requirement.note else (),

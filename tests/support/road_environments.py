@@ -1,4 +1,4 @@
-"""An environment with the interface of highway-env: a vehicle that drives at a constant speed."""
+"""An environment with the interface of highway-env: a vehicle with constant speed."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ SPEED = 25.0
 
 
 class RoadEnv(gym.Env[Any, Any]):
-    """Makes ``simulation_frequency // policy_frequency`` physics steps in an action.
+    """An action makes ``simulation_frequency // policy_frequency`` steps of the physics.
 
-    ``time`` grows by ``1 / policy_frequency`` an action, as in highway-env. The observation is the
+    ``time`` grows by ``1 / policy_frequency`` per action, as in highway-env. The observation is the
     distance since the reset. ``reset(options={"config": {...}})`` changes the configuration.
     """
 

@@ -1,1 +1,1 @@
-"""A stand-in for Isaac Lab, which runs in its simulator alone: what terms of managers ask of it."""
+"""A stand-in for Isaac Lab, which needs its simulator: the parts that terms of managers use."""

@@ -1,6 +1,7 @@
-"""The managers of Isaac Lab and mjlab, as their documentation describes them, and an environment.
+"""The managers of Isaac Lab and mjlab, by their documentation, and an environment.
 
-Only what terms use is here. Positions of bodies lag, as in mjlab: `Points.forward` computes them.
+It contains only the parts that terms use. Positions of bodies lag, as in mjlab: `Points.forward`
+computes them.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class TermCfg:
 
 
 class ManagerTermBase:
-    """A term that has a state."""
+    """A term with a state."""
 
     def __init__(self, cfg: TermCfg, env: StandInEnv) -> None:
         self.cfg, self._env = cfg, env
@@ -58,7 +59,7 @@ class Manager:
         return self._terms[name]
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
-        """Reset the terms that have a state; like mjlab, pass a slice for all environments."""
+        """Reset the terms with a state; like mjlab, pass a slice for all environments."""
         for cfg in self._terms.values():
             if hasattr(cfg.func, "reset"):
                 cfg.func.reset(env_ids=slice(None) if env_ids is None else env_ids)
@@ -86,7 +87,7 @@ class TerminationManager(Manager):
 
 
 class ObservationManager(Manager):
-    """A manager of observations, which asks for their shapes first."""
+    """A manager of observations, which reads their shapes first."""
 
     def __init__(self, terms: Mapping[str, TermCfg], env: StandInEnv) -> None:
         super().__init__(terms, env)
@@ -103,8 +104,8 @@ class Points:
 
     Args:
         num_envs: The number of points.
-        device: Where the tensors are.
-        start: The positions that environments of ``ids`` are reset to.
+        device: The device of the tensors.
+        start: The positions after a reset of the environments ``ids``.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class Points:
         self.body_x = self.x
 
     def step(self, action: torch.Tensor) -> None:
-        """Move the points; bodies get the positions of before the last of two substeps."""
+        """Move the points; bodies get the positions before the last of two substeps."""
         self.body_x = self.x + action / 2
         self.x = self.x + action
 
@@ -127,21 +128,21 @@ class Points:
 
 
 class StandInEnv:
-    """An environment whose episodes end beyond 2, and are cut after some steps.
+    """An environment whose episodes terminate beyond 2, and truncate after a number of steps.
 
     Its steps have the order of ``ManagerBasedRlEnv.step`` of mjlab: physics, terminations, rewards,
     resets, forward, observations.
 
     Args:
         num_envs: The number of environments.
-        terminations: Terms by name; those of this environment are added.
+        terminations: Terms by name, added to the terms of this environment.
         rewards: Terms by name.
         observations: Terms by name.
-        device: Where the tensors are.
-        length: The steps of an episode that is not terminated.
+        device: The device of the tensors.
+        length: The steps of an episode without a termination.
         start: See `Points`; 0.1 by default.
         computes: How often a step computes its observations, after the reset. Recorders of Isaac
-            Lab compute them once more before it, and this environment does.
+            Lab compute them once more before it, and this environment does too.
     """
 
     step_dt = 0.1
@@ -181,7 +182,7 @@ class StandInEnv:
         return self.observation_manager.compute()
 
     def step(self, action: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return the observation, the reward and where an episode is over."""
+        """Return the observation, the reward and the ends of episodes."""
         self.action, self.steps = action, self.steps + 1
         self.points.step(action)
         over = self.termination_manager.compute()

@@ -1,1 +1,1 @@
-"""The scenarios' models written a second time, for SciPy's solvers, by the equations alone."""
+"""Independent implementations of the scenarios' models, for SciPy's solvers."""

@@ -1,8 +1,8 @@
-"""Chasing cars written a second time: SciPy's DOP853 with located events, in one system.
+"""An independent implementation of the chasing cars: SciPy's DOP853 with located events.
 
 Hu, Lygeros, Sastry: Towards a theory of stochastic hybrid systems, HSCC 2000, as the falsification
 competition (ARCH-COMP) runs it. The leader obeys throttle and brake, which are linear between
-knots; each follower is in one of three modes, which the gap to the car before it changes.
+knots. Each follower is in one of three modes, which depend on the gap to the car before it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CHASING, KEEPING, BRAKING = "chasing", "keeping", "braking"
 
 
 class Guard(NamedTuple):
-    """A follower changes to a mode when the gap to the car before it passes a threshold."""
+    """A mode change of a follower when the gap to the car before it passes a threshold."""
 
     follower: int
     rising: bool
@@ -27,7 +27,7 @@ class Guard(NamedTuple):
     becomes: str
 
     def value(self, positions: Floats) -> float:
-        """Positive until the follower changes its mode."""
+        """Return a number that is positive until the follower changes its mode."""
         gap = float(positions[self.follower] - positions[self.follower - 1])
         return self.threshold - gap if self.rising else gap - self.threshold
 
@@ -44,7 +44,7 @@ def _guards(modes: list[str]) -> list[Guard]:
 
 
 def solve(knots: Floats, throttle: Floats, brake: Floats, times: Floats) -> Floats:
-    """Positions y1 .. y5, a row for each of the times; the inputs are linear between the knots."""
+    """Return positions y1 .. y5, a row for each time; inputs are linear between the knots."""
     state = np.array([0, 10, 20, 30, 40, 0, 0, 0, 0, 0.0])  # positions, then speeds
     modes = [CHASING] * 4
     rows = np.empty((len(times), 5))
@@ -78,14 +78,14 @@ def solve(knots: Floats, throttle: Floats, brake: Floats, times: Floats) -> Floa
 
 
 def _switch(modes: list[str], state: Floats) -> None:
-    """Change the modes of the followers whose guard holds already."""
+    """Change the modes of the followers whose guard already holds."""
     for guard in _guards(modes):
         if guard.value(state[:5]) <= 0:
             modes[guard.follower - 1] = guard.becomes
 
 
 def _event(guards: list[Guard]) -> Callable[[float, Floats], float]:
-    """The least value of the guards: it passes 0 when the first of them holds."""
+    """Return the minimum of the guards, which crosses 0 when the first one holds."""
     behind = np.array([guard.follower for guard in guards])
     signs = np.array([-1.0 if guard.rising else 1.0 for guard in guards])
     thresholds = np.array([guard.threshold for guard in guards])

@@ -1,8 +1,8 @@
-"""The steam condenser written a second time, for SciPy's implicit solvers.
+"""An independent implementation of the steam condenser, for SciPy's implicit solvers.
 
 Yaghoubi, Fainekos: Gray-box adversarial testing for control systems with machine learning
-components, HSCC 2019. Units: kPa, degrees Celsius, kg/s, seconds. The sensor and the actuator
-begin at rest, at 90 kPa and at the flow of the set point; the network's delays at 0.
+components, HSCC 2019. Units: kPa, degrees Celsius, kg/s, seconds. The sensor and the actuator start
+at rest, at 90 kPa and at the flow of the set point; the network's delays start at 0.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _slope(setpoint: float, steam: float, y: Floats) -> Floats:
 
 
 def solve(steam: Floats, *, method: str = "LSODA", rtol: float = 1e-10) -> Floats:
-    """The states at 0, 0.01, ... s, steam flows held over 0.01 s each.
+    """Return the states at 0, 0.01, ... s; steam flows are held over 0.01 s.
 
     A row is (pressure, temperature, flow, measured pressure, d1 .. d6).
     """

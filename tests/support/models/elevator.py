@@ -1,10 +1,10 @@
-"""One side of the aircraft's elevator written a second time: Taylor series of every 0.01 s.
+"""An independent implementation of one side of the aircraft elevator: Taylor series per 0.01 s.
 
 The aircraft elevator control system of the RTAMT paper. Units: cm, kPa, seconds. An actuator has a
-valve, a pressure and a piston; the outer one obeys a PID law, the inner one a direct link, both on
-the error at the samples. Between samples the right side is a polynomial of second degree, so the
-coefficients of the solution follow one from the other and the series is exact to rounding;
-`solve_stiff` gives the same to SciPy's Radau.
+valve, a pressure and a piston. The outer one obeys a PID law, the inner one a direct link, both on
+the error at the samples. Between samples the right side is a polynomial of second degree, so each
+coefficient of the solution follows from the previous ones and the series is exact to rounding.
+`solve_stiff` passes the same to SciPy's Radau.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ Flow = Callable[[State, Floats, Floats, Floats], State]
 
 
 def square(frequency: float, amplitude: float, samples: int) -> Floats:
-    """A wave between -amplitude and amplitude that begins high."""
+    """Return a wave between -amplitude and amplitude that starts high."""
     halves = np.floor(2 * frequency * PERIOD * np.arange(samples) + 1e-9)
     return np.where(halves % 2 == 0, amplitude, -amplitude)
 
 
 def _series(state: State, drive: Floats, supply: Floats, spool: Floats) -> State:
-    """The state a period later, by the Taylor series of its solution."""
+    """Return the state a period later, by the Taylor series of its solution."""
     entries = state[3].shape
     s, ds, p = (np.zeros((ORDER + 1, *entries, 2)) for _ in range(3))
     v, x = (np.zeros((ORDER + 1, *entries)) for _ in range(2))
@@ -79,11 +79,11 @@ def solve(
     supply: Sequence[Sequence[float]] = (),
     flow: Flow = _series,
 ) -> Floats:
-    """Positions (n, samples + 1) under commands (n, samples), held from sample to sample.
+    """Return positions (n, samples + 1) under commands (n, samples), held between samples.
 
-    modes and supply hold those of the outer and the inner actuator in the period after each
-    sample; empty ones say that nothing has failed.
-    The law's integral is the sum of past errors; its difference takes the error before time 0 as 0.
+    ``modes`` and ``supply`` hold the values of the outer and the inner actuator in the period after
+    each sample; empty ones mean no faults. The law's integral is the sum of past errors; its
+    difference uses an error of 0 before time 0.
     """
     entries, samples = commands.shape
     pair, one = np.zeros((entries, 2)), np.zeros(entries)
@@ -104,5 +104,5 @@ def solve(
 
 
 def solve_stiff(commands: Floats) -> Floats:
-    """Positions of one entry without faults by SciPy's Radau at 1e-10."""
+    """Return positions of one entry without faults by SciPy's Radau at 1e-10."""
     return solve(commands, flow=_radau)

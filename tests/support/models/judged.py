@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 
 
 def observed(name: str, actions: Floats, seed: int = 0, **options: Any) -> Floats:  # noqa: ANN401 - parameters
-    """Observations (entries, steps + 1, observations) under actions (entries, steps, actions)."""
+    """Return observations (entries, steps + 1, observations) under actions (entries, steps,
+    actions).
+    """
     entries = gym.make_vec(f"rtamt/{name}-v0", num_envs=len(actions))
     assert isinstance(entries, ScenarioVectorEnv)
     first, _ = entries.reset(seed=seed, options=options)
@@ -26,7 +28,7 @@ def observed(name: str, actions: Floats, seed: int = 0, **options: Any) -> Float
 
 
 def evaluated(name: str, trace: Floats) -> dict[str, float]:
-    """The robustness of every requirement at sample 0 of a recorded trace."""
+    """Return the robustness of every requirement at sample 0 of a recorded trace."""
     found = scenario_of(name)
     columns = {each.name: trace[:, i] for i, each in enumerate(found.observations)}
     return {
@@ -36,7 +38,7 @@ def evaluated(name: str, trace: Floats) -> dict[str, float]:
 
 
 def monitored(name: str, actions: Floats) -> dict[str, tuple[str, float]]:
-    """The verdict and the robustness of every requirement in a run of the environment."""
+    """Return the verdict and the robustness of every requirement in a run of the environment."""
     env = gym.make(f"rtamt/{name}-v0")
     found = scenario_of(name)
     steps = iter(actions)

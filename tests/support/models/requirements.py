@@ -1,6 +1,6 @@
-"""The benchmarks' requirements as loops over numpy slices; nothing of the library is used.
+"""The benchmarks' requirements as loops over NumPy slices, without the library.
 
-Windows are in samples and are cut at the end of the trace: of an empty one, always is +inf and
+Windows are in samples and are cut at the end of the trace. In an empty window, always is +inf and
 eventually -inf. Every function returns the robustness at sample 0.
 """
 

@@ -1,9 +1,9 @@
-"""The automatic transmission written a second time, as Simulink steps it and as SciPy solves it.
+"""An independent implementation of the automatic transmission, as in Simulink and with SciPy.
 
 Hoxha, Abbas, Fainekos: Benchmarks for temporal logic requirements for automotive systems, ARCH
 2014. Units: rpm, mph, lb ft, seconds. `fixed_step` is Dormand and Prince's formula of fifth order
-at a fixed step; `solve` is SciPy's DOP853 between the instants where the right side jumps: shifts,
-new inputs, an engine at a limit of its speed, a car that comes to stand.
+at a fixed step. `solve` is SciPy's DOP853 between the instants at which the right side jumps:
+shifts, new inputs, an engine at a limit of its speed, a car that stops.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ _DOWN = np.array(
 
 
 def _cell(grid: Floats, at: float) -> tuple[int, float]:
-    """The cell of a table and where `at` lies in it; outside the table the last cell goes on."""
+    """Return the cell of a table and the position of `at` in it; extrapolate outside."""
     i = min(max(int(np.searchsorted(grid, at, side="right")) - 1, 0), len(grid) - 2)
     return i, (at - float(grid[i])) / float(grid[i + 1] - grid[i])
 
@@ -103,7 +103,7 @@ def engine_torque(throttle: float, rpm: float) -> float:
 
 
 def torques(throttle: float, gear: int, rpm: float, wheel: float) -> tuple[float, float]:
-    """The torque that speeds the engine up, and the one that drives the wheels."""
+    """Return the torque that accelerates the engine, and the torque that drives the wheels."""
     ratio = FINAL_DRIVE * wheel * GEARS[gear - 1] / rpm
     impeller = (rpm / _line(_RATIOS, _CAPACITIES, ratio)) ** 2
     turbine = impeller * _line(_RATIOS, _TORQUE_RATIOS, ratio)
@@ -116,7 +116,7 @@ def resistance(brake: float, wheel: float) -> float:
 
 @dataclass
 class ShiftLogic:
-    """The chart of shifts, called every 0.04 s: `direction` is what it is about to do."""
+    """The chart of shifts, called every 0.04 s; `direction` is its pending shift."""
 
     gear: int = 1
     direction: int = 0
@@ -164,10 +164,10 @@ def _slope(throttle: float, brake: float, gear: int, y: Floats) -> Floats:
 
 
 def fixed_step(throttle: Floats, brake: Floats, *, halvings: int = 0) -> Floats:
-    """Rows (speed, rpm, gear) at 0, 0.01, ... s; the inputs are held over 0.01 s each.
+    """Return rows (speed, rpm, gear) at 0, 0.01, ... s; inputs are held over 0.01 s.
 
-    The chart runs at 0, 0.04, ... s on the input that begins there, and its gear is in the row of
-    that time, as Simulink logs it. The last row has no input of its own: it takes the last.
+    The chart runs at 0, 0.04, ... s on the input that starts there, and its gear is in the row of
+    that time, as Simulink logs it. The last row uses the last input.
     """
     y = np.array([1000.0, 0.0])
     logic = ShiftLogic()
@@ -190,7 +190,7 @@ def fixed_step(throttle: Floats, brake: Floats, *, halvings: int = 0) -> Floats:
 
 @dataclass
 class _Drive:
-    """A stretch in which no input changes, with the modes that make its right side smooth."""
+    """A phase of constant inputs, with the modes that make its right side smooth."""
 
     throttle: float
     brake: float
@@ -199,7 +199,7 @@ class _Drive:
     stands: bool = field(init=False, default=False)
 
     def enter(self, y: Floats) -> None:
-        """Take the modes that the right side has at y, and put y on the limit it is held at."""
+        """Set the modes of the right side at y, and move y to the limit that holds it."""
         engine, drive = torques(self.throttle, self.gear, float(y[0]), float(y[1]))
         self.limit = None
         for limit, outward in ((SLOWEST, -1), (FASTEST, 1)):
@@ -222,7 +222,7 @@ class _Drive:
         )
 
     def guards(self) -> list[Callable[[Floats], float]]:
-        """Functions of the state that are positive as long as the modes last."""
+        """Return functions of the state that are positive as long as the modes last."""
 
         def net(y: Floats) -> tuple[float, float]:
             return torques(self.throttle, self.gear, float(y[0]), float(y[1]))
@@ -247,14 +247,14 @@ def solve(
     method: type[DOP853 | RK45] = DOP853,
     rtol: float = 1e-11,
 ) -> Floats:
-    """The rows of `fixed_step` without its step: SciPy's solver at a tight tolerance."""
+    """Return the rows of `fixed_step` without its step: SciPy's solver at a tight tolerance."""
     n = len(throttle)
     y = np.array([1000.0, 0.0])
     logic = ShiftLogic()
     rows = np.empty((n + 1, 3))
     rows[0] = 0.0, 1000.0, 1
     changes = 1 + np.flatnonzero((np.diff(throttle) != 0) | (np.diff(brake) != 0))
-    at = 0  # samples that rows has
+    at = 0  # the number of samples in rows
     for begin, end in zip([0, *changes], [*changes, n], strict=True):
         time = begin / 100
         while at < end:
@@ -273,7 +273,7 @@ def _follow(
     at: int,
     until: tuple[int, Floats],
 ) -> tuple[float, Floats, int]:
-    """Fill rows until a mode or the gear changes or the stretch ends: time, state, last row."""
+    """Fill rows until a mode or the gear changes or the phase ends: time, state, last row."""
     end, throttle = until
     guards = drive.guards()
     while at < end:

@@ -10,7 +10,7 @@ Pose = tuple[float, float, float]
 
 
 def move(pose: Pose, speed: float, turn: float, dt: float) -> Pose:
-    """The pose after dt seconds at a speed in m/s and a turn rate in rad/s; heading unwrapped."""
+    """Return the pose after dt seconds; m/s and rad/s, heading unwrapped."""
     x, y, heading = pose
     # The integral of speed exp(i (heading + turn t)) over dt.
     rate = 1j * turn
