@@ -1,7 +1,7 @@
 """The safety of a monitor among robots, on real processes of ROS 1 and ROS 2.
 
-A test file of a generation subclasses `RobotContract` and gives it a `World`. To add a claim about
-messages that are late, lost or from two robots, add a test here.
+The tests of a generation subclass `RobotContract` and pass it a `World`. To add a claim about late
+or lost messages or about two robots, add a test here.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class RobotContract:
 
     @pytest.fixture
     def topic(self, request: pytest.FixtureRequest) -> str:
-        """A namespace of the test's own."""
+        """Return a namespace for this test only."""
         return f"/robots/{request.node.originalname}"
 
     @pytest.fixture
@@ -176,7 +176,7 @@ class RobotContract:
         assert 1.0 in [value for _, value in world.listener.ask("kept", topic)[before:]]
 
     def test_field_errors_show_file_line_and_caret(self, world: World) -> None:
-        """On real classes of messages; one line imports two of them."""
+        """Check errors with real message classes; one line imports two of them."""
         text = """from geometry_msgs.msg import Twist, PointStamped
         input Twist cmd
         input PointStamped p
@@ -262,7 +262,7 @@ class RobotContract:
         text = f"input float64 x\n@ topic(x, {key})\n@ topic(out, {topic}/out)\nout = x > 0"
 
         def drive(x: float | None, speed: float, monitor: Process) -> None:
-            """Publish commands until the robot gets this speed, and still does 0.3 s later."""
+            """Publish commands until the robot has this speed, and still has it 0.3 s later."""
 
             def command(times: int) -> float:
                 for _ in range(times):

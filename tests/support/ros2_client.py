@@ -1,4 +1,4 @@
-"""A node of ROS 2 that asks a monitor for transitions and parameters, as tools do."""
+"""A node of ROS 2 that sends transitions and parameters to a monitor, as tools do."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from std_msgs.msg import Float64
 
 from rtamt_ros.ros2 import Ros2
 
-with warnings.catch_warnings():  # of a parser that rclpy loads with its first message
+with warnings.catch_warnings():  # from a parser that rclpy loads with its first message
     warnings.simplefilter("ignore", DeprecationWarning)
     import_module("rosidl_generator_py")
 
@@ -33,20 +33,20 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Heard:
-    """Messages of a topic, in the order in which they came."""
+    """Messages of a topic, in order of arrival."""
 
     def __init__(self) -> None:
         self._messages: list[Any] = []
         self._news = threading.Condition()
 
     def keep(self, message: Any) -> None:  # noqa: ANN401 - its class is of ROS
-        """Takes a message."""
+        """Add a message."""
         with self._news:
             self._messages.append(message)
             self._news.notify_all()
 
     def next(self, met: Callable[[Any], bool], patience: float = PATIENCE) -> Any:  # noqa: ANN401
-        """The first message from now on that is as asked; fails if none comes."""
+        """Return the next message that satisfies a condition; fail if none arrives."""
         with self._news:
             begin = len(self._messages)
             self._news.wait_for(lambda: any(map(met, self._messages[begin:])), patience)
@@ -55,17 +55,17 @@ class Heard:
             return found[0]
 
     def all(self, count: int = 0, patience: float = PATIENCE) -> list[Any]:
-        """All of them, as soon as there are so many, or the patience is over."""
+        """Return all messages once there are enough, or after the time limit."""
         with self._news:
             self._news.wait_for(lambda: len(self._messages) >= count, patience)
             return list(self._messages)
 
 
 class Client:
-    """A node in this process, and monitors in others.
+    """A node in this process, and monitors in other processes.
 
     Args:
-        ros: The domain of all.
+        ros: The domain of all nodes.
     """
 
     def __init__(self, ros: Ros) -> None:
@@ -77,17 +77,17 @@ class Client:
         self._ends: list[Callable[[], object]] = []
 
     def end_test(self) -> None:
-        """Ends what a test has started; shared monitors stay."""
+        """End the processes of a test; shared monitors continue."""
         while self._ends:
             self._ends.pop()()
 
     def close(self) -> None:
-        """Ends the node of this process."""
+        """End the node of this process."""
         self.middleware.close()
         self._spinner.join()
 
     def monitor(self, name: str, **parameters: object) -> Monitor:
-        """Starts a monitor in the namespace of this name, with these parameters."""
+        """Start a monitor in the namespace of this name, with these parameters."""
         words = ["-r", f"__ns:=/{name}"]
         for each, value in parameters.items():
             words += ["-p", f"{each}:={json.dumps(value)}"]
@@ -98,18 +98,18 @@ class Client:
         return monitor
 
     def shared(self, name: str, **parameters: object) -> Monitor:
-        """The monitor of this name that several tests share; the first starts it."""
+        """Return the monitor of this name that several tests share; the first call starts it."""
         if name not in self._shared:
             self._shared[name] = self.monitor(name, **parameters)
             self._ends.pop()
         return self._shared[name]
 
     def until(self, met: Callable[[], bool]) -> None:
-        """Waits until something holds that nobody is told of."""
+        """Wait for a condition that has no event."""
         patiently(met)
 
     def hear(self, topic: str, message: type, profile: QoSProfile = RELIABLE) -> Heard:
-        """Keeps the messages of a topic."""
+        """Record the messages of a topic."""
         heard = Heard()
         node = self.middleware.node
         subscription = node.create_subscription(message, topic, heard.keep, profile)
@@ -117,14 +117,14 @@ class Client:
         return heard
 
     def source(self, topic: str, value: float, profile: QoSProfile = RELIABLE) -> Source:
-        """Publishes a number on a topic, 50 times a second."""
+        """Publish a number on a topic, 50 times a second."""
         source = Source(self.middleware, topic, value, profile)
         self._ends.append(source.close)
         return source
 
 
 class Source:
-    """A number that is published 50 times a second, until it is closed.
+    """A number that is published 50 times a second until it is closed.
 
     Attributes:
         value: The number.
@@ -139,12 +139,12 @@ class Source:
         self._publisher.publish(Float64(data=self.value))
 
     def close(self) -> None:
-        """Publishes nothing more; its last value stays."""
+        """Stop publishing; the last value stays."""
         self._timer.close()
 
 
 class Monitor:
-    """A monitor in a process of its own, asked by the services of its node."""
+    """A monitor in a process of its own, controlled by the services of its node."""
 
     def __init__(self, client: Client, name: str, process: Process) -> None:
         self._client = client
@@ -154,7 +154,7 @@ class Monitor:
         self._services: dict[str, Any] = {}
 
     def send(self, kind: Any, service: str, **request: Any) -> Any:  # noqa: ANN401
-        """Calls a service of the node; the answer to come."""
+        """Call a service of the node; return the future answer."""
         found = self._services.get(service)
         if found is None:
             found = self._node.create_client(kind, f"/{self._name}/stl_monitor/{service}")
@@ -164,7 +164,7 @@ class Monitor:
         return found.call_async(kind.Request(**request))
 
     def call(self, kind: Any, service: str, **request: Any) -> Any:  # noqa: ANN401
-        """The answer of a service of the node."""
+        """Return the answer of a service of the node."""
         answered = threading.Event()
         answer = self.send(kind, service, **request)
         answer.add_done_callback(lambda _: answered.set())
@@ -173,16 +173,16 @@ class Monitor:
 
     @property
     def state(self) -> str:
-        """The state of the life cycle."""
+        """Return the state of the life cycle."""
         return str(self.call(GetState, "get_state").current_state.label)
 
     def do(self, transition: str) -> bool:
-        """Asks for a transition; whether it went well."""
+        """Request a transition; return whether it succeeded."""
         asked = Transition(label=transition)
         return bool(self.call(ChangeState, "change_state", transition=asked).success)
 
     def set(self, **values: object) -> str:
-        """Sets parameters, all or none; the reason of a refusal, or an empty text."""
+        """Set all parameters or none; return the reason of an error, or an empty text."""
         asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         result = self.call(
             SetParametersAtomically, "set_parameters_atomically", parameters=asked
@@ -191,7 +191,7 @@ class Monitor:
         return str(result.reason)
 
     def get(self, name: str) -> object:
-        """The value of a parameter."""
+        """Return the value of a parameter."""
         found = self.call(GetParameters, "get_parameters", names=[name]).values[0]
         value: object = parameter_value_to_python(found)
         return value
@@ -199,7 +199,7 @@ class Monitor:
 
 @pytest.fixture(scope="module")
 def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    """A client in a domain of its own, which is that of this process until the end of a file."""
+    """Return a client in a domain of its own, which this process uses until the end of a file."""
     with ros(2, tmp_path_factory.mktemp("ros")) as found, pytest.MonkeyPatch.context() as patch:
         for name, value in found.environment.items():
             patch.setenv(name, value)
@@ -212,6 +212,6 @@ def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
 
 @pytest.fixture
 def tools(domain: Client) -> Iterator[Client]:
-    """The client, which ends with each test what that has started."""
+    """Return the client; the processes of each test end with the test."""
     yield domain
     domain.end_test()

@@ -1,6 +1,6 @@
-"""What every middleware of `rtamt_ros.middleware` owes, on real processes of ROS 1 and ROS 2.
+"""The contract of every middleware of `rtamt_ros.middleware`, on real ROS 1 and ROS 2 processes.
 
-A test file of a generation subclasses `MiddlewareContract` and gives it a `World`.
+The tests of a generation subclass `MiddlewareContract` and pass it a `World`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PROBE = -1.0
 
 
 def meet(talker: Peer, publisher: str, listener: Peer, subscription: str, field: str) -> None:
-    """Publishes until messages arrive; `heard` leaves these out."""
+    """Publish probes until messages arrive; `heard` leaves them out."""
     before = len(listener.ask("kept", subscription))
     for _ in range(round(PATIENCE / 0.05)):
         talker.ask("publish", publisher, {field: PROBE})
@@ -36,9 +36,9 @@ def meet(talker: Peer, publisher: str, listener: Peer, subscription: str, field:
 
 
 def heard(listener: Peer, key: str, count: int, patience: float = PATIENCE) -> list[Any]:
-    """The first field of messages, without probes, as soon as there are so many."""
+    """Return the first field of messages without probes, once there are enough."""
     probes = sum(value == PROBE for _, value, *_ in listener.ask("kept", key))
-    for extra in range(1000):  # probes may still be on their way
+    for extra in range(1000):  # more probes may arrive
         kept = listener.ask("kept", key, count + probes + extra, patience)
         found = [value for _, value, *_ in kept if value != PROBE]
         if len(found) >= count or len(kept) < count + probes + extra:
@@ -47,7 +47,7 @@ def heard(listener: Peer, key: str, count: int, patience: float = PATIENCE) -> l
 
 
 def of_runs(calls: Sequence[int], ticks: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The ticks without jumps in them, with the calls at those times."""
+    """Return the runs of ticks without jumps, with the calls at those times."""
     runs: list[list[int]] = [[ticks[0]]]
     for before, tick in pairwise(ticks):
         if 0 < tick - before < SECOND:
@@ -58,7 +58,7 @@ def of_runs(calls: Sequence[int], ticks: Sequence[int]) -> list[tuple[list[int],
 
 
 def apart(one: int, other: int, period: int) -> int:
-    """The shorter way between two phases."""
+    """Return the shorter distance between two phases."""
     ahead = (one - other) % period
     return min(ahead, period - ahead)
 
@@ -68,17 +68,17 @@ class MiddlewareContract:
 
     @pytest.fixture
     def talker(self, world: World) -> Peer:
-        """A node that lives as long as the tests."""
+        """Return a node that exists for all tests."""
         return world.talker
 
     @pytest.fixture
     def listener(self, world: World) -> Peer:
-        """Another."""
+        """Return another node."""
         return world.listener
 
     @pytest.fixture
     def topic(self, request: pytest.FixtureRequest) -> str:
-        """A topic of the test's own."""
+        """Return a topic for this test only."""
         return f"/contract/{request.node.originalname}"
 
     def test_classes_of_messages_have_their_fields(self, talker: Peer) -> None:
@@ -174,7 +174,7 @@ class MiddlewareContract:
         heard(listener, topic, len(sent))
         kept = [tuple(each) for each in listener.ask("kept", topic) if each[1] != PROBE]
         wanted = [(stamp if has_stamp else None, *values) for stamp, *values in sent]
-        assert list(map(repr, kept)) == list(map(repr, wanted))  # tells -0.0 from 0.0
+        assert list(map(repr, kept)) == list(map(repr, wanted))  # repr distinguishes -0.0 and 0.0
 
     def test_who_comes_late_gets_the_last_numbers_of_a_latched_topic(
         self, talker: Peer, listener: Peer, topic: str
@@ -314,7 +314,7 @@ class MiddlewareContract:
         server.ask("trigger", "fails", "fails", "no", error="ArithmeticError")
         assert world.talker.ask("call", f"{name}/fails") == (False, "ArithmeticError: no")
         assert "ArithmeticError: no" in server.log()
-        assert world.talker.ask("call", f"{name}/reset")[0]  # the node goes on
+        assert world.talker.ask("call", f"{name}/reset")[0]  # the node continues
         server.ask("close", "reset")
         server.ask("trigger", "reset", "reset", "again")
         assert world.talker.ask("call", f"{name}/reset") == (True, "again")
@@ -339,7 +339,7 @@ class MiddlewareContract:
             assert {(due - calls[0][2]) % period for _, _, due in calls} == {0}
             times = [time for time, _, _ in calls[:count]]
             assert times[-1] - times[0] > (count - 2) * period
-            near = [  # to the phase of one of them, how many others are
+            near = [  # for each phase, the number of others near it
                 sum((time - one + period // 6) % period < period // 3 for time in times)
                 for one in times
             ]
@@ -381,7 +381,7 @@ class MiddlewareContract:
         for stamp, value, arrival in found:
             assert stamp <= arrival
             assert begin + round(value * SECOND) <= stamp
-        # What was sent just before a stamp may still be on its way.
+        # Messages from just before a stamp may arrive later.
         since = [(stamp - begin) / SECOND - 0.004 for stamp, *_ in found]
         newest = [
             value >= max((each for each in sent if each <= time), default=0.0)
@@ -445,7 +445,7 @@ class MiddlewareContract:
         assert node.log().endswith("closed\n")
 
     def tick(self, clock: Peer, node: Peer, time: int) -> None:
-        """Sets the simulated clock; publishes until the node has heard."""
+        """Set the simulated clock; publish until the node has received it."""
         for _ in range(round(PATIENCE / 0.2)):
             clock.ask("tick", "clock", time)
             if node.ask("wait_until", time, 0.2):

@@ -1,4 +1,4 @@
-"""What holds of the scenario of `ros_scenario`, on ROS 1 and on ROS 2.
+"""The properties of the scenario of `ros_scenario`, on ROS 1 and on ROS 2.
 
 To add a claim about nodes on real ROS, add a test to `LiveScenario`, which runs on ROS 1 and ROS 2.
 ``ros_scenario.py`` creates the events that the tests check.
@@ -41,7 +41,7 @@ import rtamt
 from rtamt_gym.__main__ import main
 
 MULTICAST = "239.255.0.1"
-"""Where participants of DDS look for each other; they join it on the loopback interface alone."""
+"""The addresses on which DDS participants find each other, on the loopback interface only."""
 
 COMMAND, SPEED = "cmd.linear.x", "odom.twist.twist.linear.x"
 STALE = 3
@@ -51,36 +51,36 @@ OFFLINE = {
     KEEPS: f"historically({GAP})",
     MOVES: f"once({MOVED})",
 }
-"""What a monitor says up to now of the requirements, in operators of the past alone."""
+"""The requirements up to now, in past operators only."""
 
 
 def stamps(heard: list[Heard]) -> list[int]:
-    """The times in headers, in nanoseconds."""
+    """Return the times in headers, in nanoseconds."""
     found = [each.message.header.stamp for each in heard]
     return [1_000_000_000 * stamp.sec + stamp.nanosec for stamp in found]
 
 
 def speeds(heard: list[Heard]) -> list[float]:
-    """The speeds ahead that commands ask for, or that odometry says."""
+    """Return the forward speeds in commands or odometry."""
     messages = [each.message for each in heard]
     return [(m if hasattr(m, "linear") else m.twist.twist).linear.x for m in messages]
 
 
 def pose(odometry: Heard) -> tuple[complex, complex]:
-    """Where the robot is, and where it looks, as complex numbers."""
+    """Return the position and the direction of the robot as complex numbers."""
     found = odometry.message.pose.pose
     half = complex(found.orientation.w, found.orientation.z)
     return complex(found.position.x, found.position.y), half**2
 
 
 def in_order(some: Iterable[float], of: Iterable[float]) -> bool:
-    """Whether numbers are among others, in the same order."""
+    """Return whether numbers are among others, in the same order."""
     rest = iter(of)
     return all(value in rest for value in some)
 
 
 def rows_of(path: Path) -> tuple[list[float], list[dict[str, str]]]:
-    """The rows of a record, and their times in seconds since the first."""
+    """Return the rows of a record, and their times in seconds since the first."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     times = np.array([row.pop("time").removesuffix("Z") for row in rows], "datetime64[ns]")
@@ -88,27 +88,27 @@ def rows_of(path: Path) -> tuple[list[float], list[dict[str, str]]]:
 
 
 def record_of(run: Run, topic: str) -> dict[str, list[float]]:
-    """The columns in the record of the requirement that is published on a topic."""
+    """Return the columns in the record of the requirement of a topic."""
     (path,) = run.folder.glob(f"sampled-{topic.removeprefix('rtamt/')}*.csv")
     times, rows = rows_of(path)
     return {"time": times, **{name: [float(row[name]) for row in rows] for name in rows[0]}}
 
 
 def told(run: Run, topic: str) -> list[Any]:
-    """What diagnostics say of the requirement that is published on a topic, in order."""
+    """Return the diagnostics of the requirement of a topic, in order."""
     name = topic.removeprefix("rtamt/")
     found = statuses(run.heard[DIAGNOSTICS])
     return [each for each in found if each.name.split(": ")[1].startswith(name)]
 
 
 def inputs_of(run: Run) -> list[Heard]:
-    """What the monitors read, in the order in which it came."""
+    """Return the inputs of the monitors, in order of arrival."""
     messages = [each for topic in (ODOM, CMD) for each in run.heard[topic]]
     return sorted(messages, key=lambda each: each.time)
 
 
 def judge(run: Run, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Lets `rtamt monitor` judge a bag; its verdicts are those of the run."""
+    """Judge a bag with `rtamt monitor`; its verdicts must equal the run."""
     line = ["monitor", str(run.folder / "whole.stl"), str(bag), "--period", "100ms", "--json"]
     assert main(line) == 1
     (judged,) = json.loads(capsys.readouterr().out)["trials"]
@@ -170,7 +170,7 @@ class LiveScenario:
         for time, row in zip(times, rows, strict=True):
             events[row["variable"]].append((time, float(row["value"])))
         for course in events.values():
-            if course[-1][0] < times[-1]:  # it was silent, and kept its value
+            if course[-1][0] < times[-1]:  # it was silent, and its value stayed
                 course.append((times[-1], course[-1][1]))
         offline = [value for _, value in rtamt.dense.evaluate(OFFLINE[FOLLOWS], events)]
         published = [value for value in numbers(run.heard[EVENTS]) if math.isfinite(value)]
@@ -201,7 +201,7 @@ class LiveScenario:
         assert compared > 50
         verdicts = [each["keeps"]["verdict"] for each in said]
         assert {*verdicts[: verdicts.index("VIOLATED")]} <= {"", "UNDECIDED"}
-        assert verdicts[-1] == "UNDECIDED"  # the robot is gone
+        assert verdicts[-1] == "UNDECIDED"  # the robot has ended
 
     def test_samples_are_what_came_last(self, run: Run) -> None:
         record = record_of(run, FOLLOWS)
@@ -211,8 +211,8 @@ class LiveScenario:
         ):
             came = speeds(run.heard[topic])
             changes = [value for value, _ in groupby(record[name])]
-            while not in_order(changes, came):  # the monitor may have heard more than the probe
-                changes = changes[1:]  # before, and nothing else
+            while not in_order(changes, came):  # the monitor may have received more than the probe
+                changes = changes[1:]  # before it, and nothing else
             assert len(changes) > 20, name
 
     def test_each_fault_drives_robustness_below_0_and_back(self, run: Run) -> None:

@@ -1,4 +1,4 @@
-"""What a probe hears, as objects, as a trace, and as bags."""
+"""The messages of a probe, as objects, as a trace, and as bags."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ for _store in STORES.values():
 
 @dataclass(frozen=True)
 class Heard:
-    """A message as it came.
+    """A received message.
 
     Attributes:
-        topic: The topic as the probe was asked for it.
+        topic: The topic in the probe's arguments.
         kind: The type: ``nav_msgs/Odometry``.
-        time: When it came, in nanoseconds of the clock of ROS.
+        time: The time of arrival, in nanoseconds of the ROS clock.
         data: The bytes.
-        md5: That of the type on ROS 1.
+        md5: The hash of the type on ROS 1.
         generation: 1 or 2.
     """
 
@@ -48,7 +48,7 @@ class Heard:
 
     @property
     def type_name(self) -> str:
-        """The type as `rosbags` calls it."""
+        """The type in the notation of `rosbags`."""
         return self.kind.replace("/", "/msg/")
 
     @cached_property
@@ -63,7 +63,7 @@ class Probe:
     """A process that listens to topics; see `ros_probe`.
 
     Attributes:
-        pid: Its number.
+        pid: Its process id.
     """
 
     def __init__(self, ros: Ros, process: subprocess.Popen[str]) -> None:
@@ -87,30 +87,30 @@ class Probe:
                     self._changed.notify_all()
 
     def end(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self._process.kill()
         self._process.wait(PATIENCE)
         self._reader.join()
 
     def heard(self, topic: str) -> list[Heard]:
-        """What came on a topic up to now."""
+        """Return the messages of a topic so far."""
         with self._changed:
             return [each for each in self._heard if each.topic == topic]
 
     def wait(self, met: Callable[[], bool], what: str) -> None:
-        """Waits until something holds of what was heard; asked again with every message."""
+        """Wait until the received messages satisfy a condition, checked at every message."""
         with self._changed:
             assert self._changed.wait_for(met, PATIENCE), f"expected {what} within {PATIENCE:g} s"
 
 
 @contextmanager
 def probe(ros: Ros, topics: Mapping[str, str], *, last: bool = False) -> Iterator[Probe]:
-    """Listens until the end of the block.
+    """Listen until the end of the block.
 
     Args:
-        ros: Where.
+        ros: The master or domain.
         topics: The types of topics: ``{"odom": "nav_msgs/Odometry"}``.
-        last: Whether to get what is latched, too; ROS 1 always gives it.
+        last: Whether to receive latched messages too; ROS 1 always delivers them.
     """
     wanted = [f"{'+' if last else ''}{topic}={kind}" for topic, kind in topics.items()]
     process = subprocess.Popen(
@@ -129,7 +129,7 @@ def probe(ros: Ros, topics: Mapping[str, str], *, last: bool = False) -> Iterato
 
 
 def write_mcap(heard: list[Heard], folder: Path) -> Path:
-    """Writes messages as a bag of ROS 2 in MCAP; the folder of the bag."""
+    """Write messages as an MCAP bag of ROS 2; return its folder."""
     with Writer2(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         connections = {
             each.topic: bag.add_connection(f"/{each.topic}", each.type_name, typestore=STORES[2])
@@ -142,7 +142,7 @@ def write_mcap(heard: list[Heard], folder: Path) -> Path:
 
 
 def write_bag(heard: list[Heard], path: Path) -> Path:
-    """Writes messages of ROS 1 as a bag of ROS 1."""
+    """Write messages of ROS 1 as a bag of ROS 1."""
     with Writer1(path) as bag:
         connections = {
             each.topic: bag.add_connection(f"/{each.topic}", each.type_name, typestore=STORES[1])

@@ -1,6 +1,6 @@
-"""A process with a node of ROS 1 or ROS 2, which a test drives: its program, and its driver.
+"""A process with a node of ROS 1 or ROS 2 that a test controls: its program, and its driver.
 
-What the node receives and when its timers call is kept in the process and asked for by name.
+The process keeps received messages and timer calls, which tests read by name.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["Peer", "connect"]
 
 
 def connect(generation: int, name: str, arguments: Sequence[str] = ()) -> Middleware:
-    """Makes a node of ROS 1 or ROS 2 in this process."""
+    """Create a node of ROS 1 or ROS 2 in this process."""
     module = import_module(f"rtamt_ros.ros{generation}")
     node: Middleware = getattr(module, f"Ros{generation}")(name, arguments)
     return node
@@ -36,8 +36,8 @@ class Peer:
     Args:
         ros: The master or domain.
         name: The name of the node.
-        arguments: Those of the node, such as remappings.
-        number: Tells its log from others.
+        arguments: The arguments of the node, such as remappings.
+        number: Distinguishes its log from others.
     """
 
     def __init__(self, ros: Ros, name: str, arguments: Sequence[str], number: int) -> None:
@@ -55,7 +55,7 @@ class Peer:
             )
 
     def ask(self, method: str, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401
-        """Calls a method of the desk; an error of it fails the test."""
+        """Call a method of the desk; its error fails the test."""
         try:
             self._connection.send((method, arguments, options))
             assert self._connection.poll(2 * PATIENCE), "it does not answer"
@@ -66,11 +66,11 @@ class Peer:
         return answer
 
     def log(self) -> str:
-        """What the process has written."""
+        """The output of the process."""
         return self._log.read_text()
 
     def end(self) -> int:
-        """Asks the process to end, and waits; returns its exit code."""
+        """End the process; return its exit code."""
         if self.process.poll() is None:
             self.process.terminate()
         try:
@@ -83,7 +83,7 @@ class Peer:
 
 
 class Desk:
-    """What a test asks of a node in another process; each thing has a key."""
+    """The actions of a test on a node in another process; each object has a key."""
 
     def __init__(self, node: Middleware) -> None:
         self.node = node
@@ -92,31 +92,31 @@ class Desk:
         self._news = threading.Condition()
 
     def name(self) -> str:
-        """The name of the node."""
+        """Return the name of the node."""
         return self.node.name
 
     def resolve(self, topic: str) -> str:
-        """The whole name of a topic."""
+        """Return the full name of a topic."""
         return self.node.resolve(topic)
 
     def published_topics(self) -> Collection[str] | None:
-        """The topics that somebody publishes."""
+        """Return the topics with a publisher."""
         return self.node.published_topics()
 
     def now(self) -> int:
-        """The time of the clock of ROS."""
+        """Return the time of the ROS clock."""
         return self.node.now()
 
     def simulated(self) -> bool:
-        """Whether the clock is a simulated one."""
+        """Return whether the clock is simulated."""
         return self.node.is_simulated()
 
     def fields(self, package: str, name: str, fields: Sequence[str]) -> list[Any]:
-        """The values of fields of a new message."""
+        """Return the values of fields of a new message."""
         return _read(self.node.message_class(package, name)(), fields)
 
     def refusal(self, package: str, name: str) -> str:
-        """The class and the text of the error for a message that is not there."""
+        """Return the class and the text of the error for a missing message."""
         try:
             self.node.message_class(package, name)
         except Exception as error:  # noqa: BLE001 - it is what the test looks at
@@ -124,11 +124,11 @@ class Desk:
         return "none"
 
     def path(self, folder: str) -> None:
-        """Lets packages be imported from a folder."""
+        """Let packages be imported from a folder."""
         sys.path.append(folder)
 
     def stamped(self, package: str, name: str, time: int | None) -> int | None:
-        """The stamp of a new message, set to a time."""
+        """Return the stamp of a new message, set to a time."""
         message = self.node.message_class(package, name)()
         if time is not None:
             self.node.set_stamp(message, time)
@@ -145,9 +145,9 @@ class Desk:
         *,
         arrival: bool = False,
     ) -> None:
-        """Keeps the stamp and the fields of every message, and on request when it arrived.
+        """Keep the stamp and the fields of every message, and optionally its arrival.
 
-        It may fail where the first field has a value.
+        It may fail at a value of the first field.
         """
 
         def keep(message: Any) -> None:  # noqa: ANN401
@@ -161,12 +161,12 @@ class Desk:
         self._handles[key] = self.node.subscribe(topic, message, keep)
 
     def every(self, key: str, period: int, lasts: float = 0.0) -> None:
-        """Keeps the time of every call of a timer, and whether it overlaps one; the third fails.
+        """Keep the time of every call of a timer, and whether calls overlap; the third call fails.
 
         Args:
             key: Its name.
             period: In nanoseconds.
-            lasts: Seconds that each call lasts.
+            lasts: The seconds of each call.
         """
         inside: list[None] = []
 
@@ -191,18 +191,18 @@ class Desk:
         latched: bool = False,
         numbers: Sequence[str] = (),
     ) -> None:
-        """Makes a publisher, also of numbers in these fields."""
+        """Create a publisher, also of numbers in these fields."""
         message = self.node.message_class(package, name)
         fields = [each.split(".") for each in numbers]
         made = self.node.publisher(topic, message, latched=latched, fields=fields)
         self._handles[key] = made
 
     def publish_numbers(self, key: str, numbers: Sequence[float], stamp: int) -> None:
-        """Publishes numbers in the fields that the publisher was made with."""
+        """Publish numbers in the fields of the publisher."""
         self._handles[key].publish_numbers(stamp, numbers)
 
     def publish(self, key: str, values: Mapping[str, Any], stamp: int | None = None) -> None:
-        """Publishes a message with these values of fields."""
+        """Publish a message with these values of fields."""
         publisher = self._handles[key]
         message = publisher.message()
         for field, value in values.items():
@@ -213,7 +213,7 @@ class Desk:
         publisher.publish(message)
 
     def publish_times(self, key: str, field: str, begin: int, count: int) -> list[float]:
-        """Publishes the time as the value of a field, in seconds since a begin, every 0 to 7 ms."""
+        """Publish the time since a start as a field, in seconds, every 0 to 7 ms."""
         times = []
         for number in range(count):
             times.append((self.node.now() - begin) / 1e9)
@@ -222,7 +222,7 @@ class Desk:
         return times
 
     def tick(self, key: str, time: int) -> None:
-        """Publishes a time of the clock."""
+        """Publish a time of the clock."""
         publisher = self._handles[key]
         message = publisher.message()
         for part, value in zip(type(message.clock).__slots__, divmod(time, 10**9), strict=False):
@@ -230,7 +230,7 @@ class Desk:
         publisher.publish(message)
 
     def wait_until(self, time: int, patience: float) -> bool:
-        """Whether the clock shows a time before the patience is over."""
+        """Return whether the clock reaches a time before the time limit."""
         for _ in range(round(patience / 0.001)):
             if self.node.now() == time:
                 return True
@@ -238,13 +238,13 @@ class Desk:
         return False
 
     def kept(self, key: str, count: int = 0, patience: float = PATIENCE) -> list[Any]:
-        """What is kept under a key, as soon as there are so many, or the patience is over."""
+        """Return the objects of a key once there are enough, or after the time limit."""
         with self._news:
             self._news.wait_for(lambda: len(self._kept.get(key, ())) >= count, patience)
             return list(self._kept.get(key, ()))
 
     def trigger(self, key: str, name: str, text: str, error: str = "") -> None:
-        """Offers a service that answers with a text, or fails with an error of this name."""
+        """Offer a service that answers with a text, or fails with an error of this name."""
 
         def act() -> str:
             if error:
@@ -254,7 +254,7 @@ class Desk:
         self._handles[key] = self.node.trigger(name, act)
 
     def call(self, service: str) -> tuple[bool, str]:
-        """The answer of a service of any node."""
+        """Return the answer of a service of any node."""
         node: Any = self.node
         kind = import_module("std_srvs.srv").Trigger
         if self.node.generation == 1:
@@ -270,15 +270,15 @@ class Desk:
         return future.result().success, future.result().message
 
     def close(self, key: str) -> None:
-        """Closes what has a key."""
+        """Close the object of a key."""
         self._handles.pop(key).close()
 
     def log(self, level: int, text: str) -> None:
-        """Writes to the log of the node."""
+        """Write to the log of the node."""
         self.node.log(Level(level), text)
 
     def end(self) -> None:
-        """Ends the node from another thread than that of `spin`, after the answer."""
+        """End the node from another thread than `spin`, after the answer."""
         threading.Timer(0.05, self.node.close).start()
 
     def _keep(self, key: str, value: tuple[Any, ...]) -> None:
@@ -314,5 +314,5 @@ def _main(handle: str, generation: str, name: str, *arguments: str) -> None:
 
 
 if __name__ == "__main__":
-    _given, sys.argv[1:] = sys.argv[1:], []  # a node gets its arguments, and looks nowhere else
+    _given, sys.argv[1:] = sys.argv[1:], []  # a node reads only the arguments that it gets
     _main(*_given)

@@ -1,10 +1,10 @@
-"""Says what topics publish, a line of JSON for a message; a process of its own, of ROS alone.
+"""Print the messages of topics as lines of JSON, in a process with ROS only.
 
 ``python ros_probe.py 2 odom=nav_msgs/Odometry rtamt/out=std_msgs/Float64`` prints the topic, the
-type, the time of receipt in nanoseconds and the bytes as they came, in hexadecimal digits; on ROS 1
-the md5 of the type too, as the publisher says it. ``+topic=...`` asks for the last message that was
-published before, too; ROS 1 gives what is latched anyway. The first line is ``null``: it listens.
-Nothing of `rtamt_ros` is used: what comes is what another program gets.
+type, the time of arrival in nanoseconds and the bytes in hexadecimal digits; on ROS 1 also the md5
+of the type, as the publisher sends it. ``+topic=...`` also requests the last message before the
+start; ROS 1 always delivers latched messages. The first line is ``null`` once it listens. It uses
+nothing of `rtamt_ros`, so it receives the same as any other program.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Nodes as processes on middleware of their own: a master or a domain, on the loopback interface.
+"""Nodes as processes on a middleware of their own: a master or a domain on the loopback interface.
 
-Everything ends with its block: a process is told to, and killed if it does not.
+Everything ends with its block: a process gets a signal, and is killed if it continues.
 """
 
 from __future__ import annotations
@@ -52,31 +52,32 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
   </participant>
 </profiles>
 """
-"""Fast DDS on the loopback interface alone: no shared memory, nothing bound to other addresses.
+"""Fast DDS on the loopback interface only: no shared memory, no other addresses.
 
-Participants announce themselves often: one that misses the announcements of another, as on a busy
-machine, would wait 3 s for the next.
+Participants announce themselves often: on a busy machine, one that misses an announcement would
+wait 3 s for the next.
 """
 
 PATIENCE = 30.0
-"""Seconds; nothing that a test waits for takes so long unless it is broken."""
+"""Seconds; only a broken program takes this long."""
 
 STEP = 0.02
-"""Seconds between looks at what nobody tells of."""
+"""Seconds between checks of a condition without an event."""
 
 BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
-"""What the wheels of ROS 2 set for their own environment: another environment must not have it."""
+"""Variables that the wheels of ROS 2 set for their own environment, removed for other environments.
+"""
 
 
 def missing(generation: int) -> str | None:
-    """How to install a generation; None where it is."""
+    """Return how to install a generation; None if it is installed."""
     library = importlib.util.find_spec({1: "rospy", 2: "rclpy"}[generation])
     there = library is not None and (generation == 2 or ROSMASTER.exists())
     return None if there else INSTALL[generation]
 
 
 def patiently(met: Callable[[], bool]) -> None:
-    """Waits until something holds that nobody is told of."""
+    """Wait for a condition that has no event."""
     for _ in range(round(PATIENCE / STEP)):
         if met():
             return
@@ -85,19 +86,19 @@ def patiently(met: Callable[[], bool]) -> None:
 
 
 def free_port() -> int:
-    """A TCP port that nobody listens on."""
+    """Return a free TCP port."""
     with closing(socket.socket()) as found:
         found.bind(("127.0.0.1", 0))
         return int(found.getsockname()[1])
 
 
 def ports_of(domain: int) -> range:
-    """The UDP ports of a domain of DDS."""
+    """Return the UDP ports of a domain of DDS."""
     return range(7400 + 250 * domain, 7400 + 250 * (domain + 1))
 
 
 def free_domain() -> int:
-    """A domain that nobody is in; those above 100 share ports with what the kernel hands out."""
+    """Return an unused domain; domains above 100 share ports with ephemeral ports of the kernel."""
     while True:
         domain = random.randrange(1, 101)
         with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as found:
@@ -109,11 +110,11 @@ def free_domain() -> int:
 
 
 class Process:
-    """A process with its output in a file; it ends at the latest with the `Ros` it is of.
+    """A process with its output in a file; it ends with its `Ros` at the latest.
 
     Attributes:
         name: The name of the file.
-        pid: Its number.
+        pid: Its process id.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> None:
@@ -132,28 +133,28 @@ class Process:
 
     @property
     def output(self) -> str:
-        """What it has written up to now."""
+        """Its output so far."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def runs(self) -> bool:
-        """Whether it has not ended."""
+        """Whether it still runs."""
         return self._process.poll() is None
 
     def kill(self) -> None:
-        """Ends it as a crash does."""
+        """Kill it, as a crash does."""
         self._process.kill()
         self._process.wait(PATIENCE)
 
     def signal(self, number: signal.Signals) -> None:
-        """Sends it a signal."""
+        """Send it a signal."""
         self._process.send_signal(number)
 
     def ask_to_end(self) -> None:
-        """Tells it to end, as a service manager does."""
+        """Request its end, as a service manager does."""
         self._process.terminate()
 
     def ended(self) -> int:
-        """Waits until it has ended, and kills it if that takes too long; its exit code."""
+        """Wait for its end, and kill it after a time limit; return its exit code."""
         try:
             return self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -162,13 +163,13 @@ class Process:
 
 
 class Ros:
-    """A master of ROS 1 or a domain of ROS 2 that nobody else is in, with its processes.
+    """A private master of ROS 1 or domain of ROS 2, with its processes.
 
     Attributes:
         generation: 1 or 2.
-        folder: Where logs and records are.
+        folder: The folder of logs and records.
         environment: The environment variables of its processes.
-        processes: What was started, with the master first.
+        processes: The started processes, the master first.
         domain: The domain of ROS 2.
     """
 
@@ -199,14 +200,14 @@ class Ros:
             }
 
     def start(self, *arguments: str | Path, name: str) -> Process:
-        """Starts Python with these arguments; its output goes to ``NAME.log``."""
+        """Start Python with these arguments; its output goes to ``NAME.log``."""
         command = [sys.executable, *map(str, arguments)]
         process = Process(command, self.environment, self.folder / f"{name}.log")
         self.processes.append(process)
         return process
 
     def start_master(self) -> None:
-        """Starts a master and waits until it answers."""
+        """Start a master and wait until it answers."""
         command = [str(ROSMASTER), "--core", "-p", str(self._port)]
         master = Process(command, self.environment, self.folder / "master.log")
         self.processes.insert(0, master)
@@ -221,11 +222,11 @@ class Ros:
             patiently(answers)
 
     def kill_master(self) -> None:
-        """Ends the master as a crash does."""
+        """Kill the master, as a crash does."""
         self.processes.pop(0).kill()
 
     def end(self) -> None:
-        """Ends every process, the master last."""
+        """End every process, the master last."""
         for process in reversed(self.processes):
             process.ask_to_end()
         for process in reversed(self.processes):
@@ -234,7 +235,7 @@ class Ros:
 
 @contextmanager
 def ros(generation: int, folder: Path) -> Iterator[Ros]:
-    """A master or a domain of its own, until the end of the block."""
+    """Run a private master or domain until the end of the block."""
     found = Ros(generation, folder)
     try:
         if generation == 1:

@@ -1,10 +1,10 @@
-"""A robot, its controller and two monitors as processes, and what is left when it is over.
+"""A robot, its controller and two monitors as processes, and the results of their run.
 
 The monitors wait; the robot drives; the controller drives backwards for a time, later the wheels
-block for a time; the robot is killed. `ros_live` says what holds of what came.
+block for a time; the robot is killed. `ros_live` checks the results.
 
-On a busy machine a process may find another seconds after a third one did. So the faults come when
-all have had the time, and what is asserted of the probe is waited for at the probe.
+On a busy machine, two processes may discover a third one seconds apart. The faults therefore start
+after all have had the time, and assertions on the probe wait for the probe.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STAMPED = {
     1: ("rtamt_msgs", "FloatStamped", "value"),
     2: ("sensor_msgs", "Temperature", "temperature"),
 }
-"""A message with a header and a number: that of the paper needs a workspace on ROS 2."""
+"""A message with a header and a number: the message of the paper needs a workspace on ROS 2."""
 
 INPUTS = f"""
 from geometry_msgs.msg import Twist
@@ -45,12 +45,12 @@ WHOLE = f"""{INPUTS}
 keeps = always({GAP})
 moves = eventually({MOVED})
 """
-"""Requirements on the whole run: the faults break one, the other is met soon."""
+"""Requirements on the whole run: the faults violate one, the other is soon satisfied."""
 DENSE = f"{INPUTS} events = historically[0:0.3]({GAP})"
 
 
 def stamped(generation: int) -> str:
-    """What the paper asks of its first robot, over the last 0.3 s, as a stamped message."""
+    """The paper's requirement on its first robot, over the last 0.3 s, as a stamped message."""
     package, kind, field = STAMPED[generation]
     return f"""
 from {package}.msg import {kind}
@@ -62,19 +62,19 @@ follows.{field} = historically[0:0.3]({GAP})
 
 
 def numbers(heard: Sequence[Heard]) -> list[float]:
-    """The numbers in messages of Float64, or in stamped ones."""
+    """Return the numbers in Float64 or stamped messages."""
     fields = {"std_msgs/Float64": "data", **{f"{p}/{k}": field for p, k, field in STAMPED.values()}}
     return [getattr(each.message, fields[each.kind]) for each in heard]
 
 
 def dips(values: Sequence[float]) -> int:
-    """How often values went below 0 and came back."""
+    """Return how often values fell below 0 and rose again."""
     below = [sign for sign, _ in groupby(value < 0 for value in values if not isnan(value))]
     return sum(below[:-1])
 
 
 def statuses(heard: Sequence[Heard]) -> list[Any]:
-    """Every status in messages of diagnostics."""
+    """Return every status in diagnostics."""
     return [status for each in heard for status in each.message.status]
 
 
@@ -88,15 +88,15 @@ ROBOT = ("--lag 0.2 --start-x 0.6 --start-y 0.6 --start-heading 2", "--stuck 4.7
 
 @dataclass(frozen=True)
 class Run:
-    """What a run of the scenario left.
+    """The results of a run of the scenario.
 
     Attributes:
-        folder: With specifications, records and logs.
-        heard: What came on each topic, in order.
-        early: What came before the controller was there.
-        late: What a subscriber got that came after the end of the robot.
-        addresses: Where the processes listened while all were there.
-        codes: Exit codes of the processes that were asked to end, by name.
+        folder: The folder with specifications, records and logs.
+        heard: The messages of each topic, in order.
+        early: The messages from before the start of the controller.
+        late: The messages that a subscriber received after the end of the robot.
+        addresses: The listening addresses of the processes while all ran.
+        codes: Exit codes of the processes that ended on request, by name.
     """
 
     folder: Path
@@ -108,7 +108,7 @@ class Run:
 
 
 def topics_of(generation: int) -> dict[str, str]:
-    """What a run publishes, and as what."""
+    """Return the topics of a run and their types."""
     topics = {
         ODOM: "nav_msgs/Odometry",
         CMD: "geometry_msgs/Twist",
@@ -122,7 +122,7 @@ def topics_of(generation: int) -> dict[str, str]:
 
 
 def says(ears: Probe, text: str, name: str) -> None:
-    """Waits until diagnostics say a text of a requirement."""
+    """Wait until diagnostics contain a text for a requirement."""
     ears.wait(
         lambda: any(
             text in each.message and name in each.name for each in statuses(ears.heard(DIAGNOSTICS))
@@ -132,12 +132,12 @@ def says(ears: Probe, text: str, name: str) -> None:
 
 
 def until(ears: Probe, topic: str, met: Callable[[list[float]], bool], what: str) -> None:
-    """Waits until something holds of the numbers on a topic."""
+    """Wait until the numbers on a topic satisfy a condition."""
     ears.wait(lambda: met(numbers(ears.heard(topic))), f"{what} on {topic}")
 
 
 def play(generation: int, folder: Path) -> Run:
-    """Plays the scenario."""
+    """Play the scenario."""
     for name, text in (("follows", stamped(generation)), ("whole", WHOLE), ("dense", DENSE)):
         (folder / f"{name}.stl").write_text(text, encoding="utf-8")
     topics = topics_of(generation)
@@ -155,7 +155,7 @@ def play(generation: int, folder: Path) -> Run:
         for name in ("follows", "events"):
             says(ears, "waiting for", name)
         robot = start("robot", "rtamt_ros.simulator --only robot", *ROBOT)
-        until(ears, MOVES, bool, "a number")  # it reads the odometry alone
+        until(ears, MOVES, bool, "a number")  # it reads only the odometry
         ears.wait(lambda: bool(ears.heard(ODOM)), "odometry")
         early = {topic: ears.heard(topic) for topic in topics}
         asked["controller"] = start("controller", "rtamt_ros.simulator --only controller", *DRIVER)

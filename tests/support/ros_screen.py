@@ -1,4 +1,4 @@
-"""A monitor, a robot whose wheels are blocked, and the screen of its requirement."""
+"""A monitor, a robot with blocked wheels, and the screen of its requirement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pty.spawn([sys.executable, "-m", "rtamt_ros.screen", "--ros", sys.argv[1], "--to
 
 
 def screen_of_robot(generation: int, folder: Path) -> str:
-    """The text on the terminal, without its control sequences, until the violation."""
+    """Return the text on the terminal without control sequences, until the violation."""
 
     def text() -> str:
         return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.output)

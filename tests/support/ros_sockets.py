@@ -1,4 +1,4 @@
-"""Which addresses processes listen on, as the kernel says it."""
+"""The addresses on which processes listen, from the kernel."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ LISTENING = "0A"
 
 
 class Address(NamedTuple):
-    """Where a socket receives.
+    """An address that receives data.
 
     Attributes:
         protocol: ``"tcp"`` or ``"udp"``.
-        host: The address that it is bound to; 0.0.0.0 is every interface.
+        host: The bound address; 0.0.0.0 is every interface.
         port: Its port.
     """
 
@@ -25,13 +25,13 @@ class Address(NamedTuple):
 
 
 def _host(digits: str) -> str:
-    """Reads an address of /proc/net: words of four bytes, each in the order of the machine."""
+    """Read an address of /proc/net: words of four bytes, each in the byte order of the machine."""
     words = [bytes.fromhex(digits[i : i + 8])[::-1] for i in range(0, len(digits), 8)]
     return str(ipaddress.ip_address(b"".join(words)))
 
 
 def listening(pids: Iterable[int]) -> list[Address]:
-    """The sockets of processes that take connections (TCP) or datagrams from anyone (UDP)."""
+    """Return the sockets of processes that accept connections (TCP) or datagrams (UDP)."""
     own = {str(handle.readlink()) for pid in pids for handle in Path(f"/proc/{pid}/fd").iterdir()}
     found = []
     for table in ("tcp", "tcp6", "udp", "udp6"):

@@ -1,4 +1,4 @@
-"""The tutorial of a robot on a real ROS: its commands as they stand, and what they say."""
+"""The tutorial of a robot on a real ROS: its exact commands, and their output."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ TOPICS = {NEAR: "std_msgs/Float64", VERDICT: "std_msgs/Int8"}
 
 @dataclass(frozen=True)
 class Played:
-    """What the commands of the tutorial left.
+    """The results of the commands of the tutorial.
 
     Attributes:
-        folder: Where they ran.
-        said: What the monitor has written.
-        watched: What the program of the page has written that shows a topic; on ROS 2.
+        folder: Their folder.
+        said: The output of the monitor.
+        watched: The output of the page's program that shows a topic; on ROS 2.
         heard: The numbers on each of `TOPICS`.
         codes: Exit codes of the processes that Ctrl-C ended, by name.
-        again: What the monitor has written from the second start of the robot on.
+        again: The output of the monitor after the second start of the robot.
     """
 
     folder: Path
@@ -48,12 +48,12 @@ class Played:
 
 
 def words(command: str) -> list[str]:
-    """The words of a command of the page, without the program."""
+    """Return the words of a command of the page, without the program."""
     return shlex.split(block(command)[0].removeprefix("$ "))[1:]
 
 
 def play_tutorial(generation: int, folder: Path) -> Played:
-    """Runs the tutorial."""
+    """Run the tutorial."""
     (folder / "examples").symlink_to(ROOT / "examples")
     script = Path(sys.executable).with_name("ros_stl_monitor.py")
     program = [script] if script.exists() else ["-m", "rtamt_ros"]
@@ -69,7 +69,7 @@ def play_tutorial(generation: int, folder: Path) -> Played:
             command = shlex.split(line, comments=True)
             started["bag"] = Process(command, network.environment, folder / "bag.log")
             network.processes.append(started["bag"])
-            patiently((folder / "run.bag.active").exists)  # its output comes at its end
+            patiently((folder / "run.bag.active").exists)  # it prints at its end
         simulator = words("python -m rtamt_ros.simulator")
         started["robot"] = network.start(*simulator, name="robot")
 
@@ -87,7 +87,7 @@ def play_tutorial(generation: int, folder: Path) -> Played:
             codes[name] = started[name].ended()
 
         stop("robot")
-        stale = re.compile("(cmd|odom) stale")  # one may be stale a sample before the other
+        stale = re.compile("(cmd|odom) stale")  # the inputs may be stale one sample apart
         patiently(lambda: stale.search(monitor.output) is not None)
         if generation == 1:
             stop("bag")
@@ -102,7 +102,7 @@ def play_tutorial(generation: int, folder: Path) -> Played:
 
 
 def lines(said: str) -> list[tuple[str, str]]:
-    """Levels and texts of a log, with ``#`` for numbers; a busy machine makes samples late."""
+    """Return levels and texts of a log, with ``#`` for numbers; a busy machine delays samples."""
     found = re.findall(r"^\[(\w+)\] .*?\]: (.*)$", said, re.MULTILINE)
     texts = [re.sub(r"; \d+ (samples? late|messages? taken late)", "", text) for _, text in found]
     return [
@@ -117,7 +117,7 @@ class LiveTutorial:
     def test_the_monitor_says_what_the_page_shows(self, played: Played) -> None:
         shown, said = lines("\n".join(block("ros_stl_monitor.py"))), lines(played.said)
         assert said[: len(shown) - 1] == shown[:-1]
-        level, text = said[len(shown) - 1]  # one input may be stale a sample before the other
+        level, text = said[len(shown) - 1]  # the inputs may be stale one sample apart
         assert level == shown[-1][0]
         assert re.fullmatch(r"follows: (cmd stale # s; )?(odom stale # s; )?violated .*", text)
         assert text.endswith(shown[-1][1].rpartition("; ")[2])

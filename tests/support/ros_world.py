@@ -1,4 +1,4 @@
-"""Nodes in processes of their own that tests drive, and their end."""
+"""Nodes in processes of their own that tests control, and their end."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["World"]
 
 
 class World:
-    """Makes nodes in processes of their own, and ends them.
+    """Creates nodes in processes of their own, and ends them.
 
     Args:
         ros: The master or domain of the nodes.
-        simulated: That of nodes with a simulated clock; it may be the same.
-        simulating: Their arguments, beside remappings.
+        simulated: The master or domain of nodes with a simulated clock; it may be the same.
+        simulating: The arguments of these nodes, next to remappings.
     """
 
     def __init__(self, ros: Ros, simulated: Ros, simulating: Sequence[str] = ()) -> None:
@@ -37,31 +37,31 @@ class World:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for peer in self._peers:  # all at once: each takes half a second to end
+        for peer in self._peers:  # all at once, because each takes half a second to end
             peer.process.terminate()
         for peer in self._peers:
             peer.end()
 
     @cached_property
     def talker(self) -> Peer:
-        """A node that lives as long as the tests."""
+        """Return a node that exists for all tests."""
         return self.peer("talker")
 
     @cached_property
     def listener(self) -> Peer:
-        """Another."""
+        """Return another node."""
         return self.peer("listener")
 
     @cached_property
     def clock(self) -> Peer:
-        """A node that publishes the simulated clock."""
+        """Return a node that publishes the simulated clock."""
         clock = self.peer("clock", ticking=True)
         clock.ask("publisher", "clock", "/clock", "rosgraph_msgs", "Clock")
         return clock
 
     @cached_property
     def simulated(self) -> Peer:
-        """A node that lives by it."""
+        """Return a node with the simulated clock."""
         return self.peer("simulated", simulated=True)
 
     def peer(
@@ -72,13 +72,13 @@ class World:
         simulated: bool = False,
         ticking: bool = False,
     ) -> Peer:
-        """A node.
+        """Start a node.
 
         Args:
             name: Its name.
-            remappings: Of names.
+            remappings: Remappings of names.
             simulated: Whether its clock is simulated.
-            ticking: Whether it publishes the clock of those.
+            ticking: Whether it publishes the simulated clock.
         """
         ros = self._simulated if simulated or ticking else self.ros
         arguments = [f"{name}:={other}" for name, other in (remappings or {}).items()]

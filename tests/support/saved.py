@@ -1,4 +1,4 @@
-"""A case of a system is saved, read and run again: everything is as it was."""
+"""A round trip: a case of a system is saved, read and run again without a difference."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ __all__ = ["Kind", "check"]
 
 
 class Kind(NamedTuple):
-    """A kind of system: what a runner is given, and what `SavedCase.of` is."""
+    """A kind of system: the argument of a runner, and the argument of `SavedCase.of`."""
 
     system: Any
     requirement: Any
@@ -23,7 +23,7 @@ class Kind(NamedTuple):
 
 
 def check(kind: Kind, coordinates: list[float], seed: int, path: Path) -> None:
-    """Saves a case of a system, reads the file and runs it: everything is as it was."""
+    """Save a case of a system, read the file and run it: all results are equal."""
     with Runner(kind.system, kind.requirement, stop="violation", **kind.options) as runner:
         space = Space([*kind.space], duration=6)
         case = space.case(coordinates[: space.dimension])

@@ -1,4 +1,4 @@
-"""Episodes of scenarios for tests. Run as a program, it prints the numbers of `courses` of all."""
+"""Episodes of scenarios for tests. As a program, it prints the numbers of `courses` of all."""
 
 import json
 import sys
@@ -17,40 +17,40 @@ Floats = NDArray[np.float64]
 
 
 def made(name: str, **options: Any) -> ScenarioEnv:  # noqa: ANN401 - those of gym.make
-    """The bare environment of a scenario."""
+    """Return the bare environment of a scenario."""
     env = gym.make(f"rtamt/{name}-v0", **options).unwrapped
     assert isinstance(env, ScenarioEnv)
     return env
 
 
 def random_actions(scenario: Scenario, shape: tuple[int, ...], seed: int) -> Floats:
-    """Actions within their bounds, shape (*shape, actions)."""
+    """Return actions within their bounds, shape (*shape, actions)."""
     low = np.array([each.low for each in scenario.actions])
     high = np.array([each.high for each in scenario.actions])
     return np.random.default_rng(seed).uniform(low, high, (*shape, len(low)))
 
 
 def read_signals(scenario: Scenario) -> dict[str, str]:
-    """The signals that a requirement reads: wrappers refuse others."""
+    """Return the signals of a requirement, because wrappers raise an error for others."""
     read = {name for each in scenario.specifications.values() for name in each.variables}
     return {name: signal for name, signal in scenario.signals.items() if name in read}
 
 
 def middle(scenario: Scenario) -> dict[str, float]:
-    """The middle of the range of each parameter."""
+    """Return the middle of the range of each parameter."""
     return {each.name: 0.5 * (each.low + each.high) for each in scenario.parameters}
 
 
 def course(
     env: ScenarioEnv, actions: Floats, seed: int = 0, options: dict[str, Any] | None = None
 ) -> Floats:
-    """The observations of an episode under these actions, that at reset first."""
+    """Return the observations of an episode under these actions, from the reset on."""
     first, _ = env.reset(seed=seed, options=options)
     return np.array([first, *(env.step(action)[0] for action in actions)])
 
 
 def courses(name: str) -> list[str]:
-    """All numbers of episodes: by chance, held, at bounds, under the baseline."""
+    """Return all numbers of episodes: random, constant, at bounds, and with the baseline."""
     env = made(name)
     changing = course(env, random_actions(env.scenario, (150,), 6))
     actions = random_actions(env.scenario, (3,), 7).repeat(100, axis=0)

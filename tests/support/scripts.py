@@ -19,7 +19,7 @@ from rtamt import Formula
 from rtamt.language.formula import make
 
 AT_RESET = 1.0
-"""The reward's signal has no value at a reset but this one."""
+"""The value of the reward's signal at a reset."""
 
 SIGNALS: dict[str, Any] = {"a": "obs[0]", "b": "obs[1]", "c": ("reward", AT_RESET)}
 
@@ -33,13 +33,13 @@ ENDS: dict[str, Flags] = {
 
 @dataclass(frozen=True)
 class Script:
-    """What an environment does in an episode.
+    """The behaviour of an environment in an episode.
 
     Attributes:
         trace: The samples.
-        end: How the episode ends at the last sample, a name of `ENDS`.
-        success: What the environment says of ``is_success``; None: nothing.
-        always: Whether it says so in every info, and not only in that of its own end.
+        end: The end of the episode at the last sample, a name of `ENDS`.
+        success: The value of ``is_success``; None for no key.
+        always: Whether every info has the key, and not only the last one.
     """
 
     trace: Trace
@@ -52,12 +52,12 @@ class Script:
 
     @property
     def flags(self) -> list[Flags]:
-        """Those of the reset and of every step."""
+        """The flags of the reset and of every step."""
         return [(False, False)] * (len(self) - 1) + [ENDS[self.end]]
 
     @property
     def infos(self) -> list[dict[str, Any]]:
-        """Those of the reset and of every step."""
+        """The infos of the reset and of every step."""
         said = {} if self.success is None else {"is_success": self.success}
         ended = {} if self.end == "none" else said
         return [{"own": i, **(said if self.always else {})} for i in range(len(self) - 1)] + [
@@ -66,7 +66,7 @@ class Script:
 
 
 class Scripted(gym.Env[Any, Any]):
-    """Plays scripts, one an episode, and begins again after the last; none ends before its end.
+    """Plays scripts, one per episode, and starts again after the last; none ends early.
 
     After a script without an end it stays at the last sample.
     """
@@ -111,7 +111,7 @@ class Case:
 @functools.cache
 @st.composite
 def scripts(draw: st.DrawFn) -> Script:
-    """An episode of two samples or more, of integers full of zeros."""
+    """Episodes of two or more samples, of integers with many zeros."""
     trace = draw(traces(2, 8, INTEGERS))
     trace["c"][0] = AT_RESET
     own = draw(st.sampled_from((None, None, None, True, False)))
@@ -121,7 +121,7 @@ def scripts(draw: st.DrawFn) -> Script:
 @functools.cache
 @st.composite
 def requirements(draw: st.DrawFn, view: str, depth: int = 1) -> Formula:
-    """A formula that speaks of more than the first sample, as people write them."""
+    """Formulas over more than the first sample, as users write them."""
     endless = view == "episode"
     if depth and draw(st.integers(0, 3)) == 0:
         parts = draw(st.lists(requirements(view, depth - 1), min_size=2, max_size=3))
@@ -153,7 +153,7 @@ _shape = st.sampled_from(("always", "within", "eventually", "until", "response",
 @functools.cache
 @st.composite
 def cases(draw: st.DrawFn, costs: tuple[str | None, ...], num: int = 1) -> Case:
-    """A case for ``num`` environments with these costs."""
+    """Cases for ``num`` environments with these costs."""
     view = draw(st.sampled_from(("episode", "episode", "step")))
     cost = draw(st.sampled_from(costs))
     options = Options(
@@ -173,7 +173,9 @@ def cases(draw: st.DrawFn, costs: tuple[str | None, ...], num: int = 1) -> Case:
 
 @functools.cache
 def _wanted(view: str) -> st.SearchStrategy[Formula]:
-    """In the view of steps a formula of a sample will do; its future ends, or it is at the root."""
+    """Return whether a formula fits the view: in the view of steps, its future must be bounded or
+    at the root.
+    """
     drawn = requirements(view)
     if view == "episode":
         return drawn.filter(horizon)
@@ -182,6 +184,6 @@ def _wanted(view: str) -> st.SearchStrategy[Formula]:
 
 
 def variables(specs: dict[str, Formula]) -> dict[str, Any]:
-    """The signals that the specifications read."""
+    """Return the signals of the specifications."""
     read = {name for f in specs.values() for name in f.variables}
     return {name: SIGNALS[name] for name in VARIABLES if name in read}

@@ -1,9 +1,9 @@
-"""Texts of formulas whose windows are so short that all traces can be tried."""
+"""Texts of formulas with short windows, so that tests can try all traces."""
 
 from hypothesis import strategies as st
 
 VALUES = (-1.0, 0.0, 0.5, 1.0, 2.0)
-"""A value of each kind that comparisons of a variable with 0 and 1 tell apart."""
+"""A value of each kind that comparisons of a variable with 0 and 1 distinguish."""
 
 _bounds = st.sampled_from(["[0:0]", "[0:1]", "[1:1]", "[1:2]", "[0:2]"])
 
@@ -21,7 +21,7 @@ def _above(below: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 
 def texts_of(*atoms: str) -> st.SearchStrategy[str]:
-    """Texts of formulas of these atoms, three of them at most."""
+    """Return texts of formulas with at most three of these atoms."""
     return st.recursive(st.sampled_from(atoms), _above, max_leaves=3)
 
 

@@ -1,4 +1,4 @@
-"""The definition of progress in stages, written down once more, from scratch."""
+"""An independent implementation of progress in stages."""
 
 import math
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ Rows = Sequence[Sequence[float]]
 
 
 def taken(formula: Formula, row: Sequence[float]) -> dict[str, float]:
-    """The sample that a monitor of the formula takes."""
+    """Return the sample for a monitor of the formula."""
     named = zip(NAMES, row, strict=True)
     return {name: value for name, value in named if name in formula.variables}
 
 
 def verdict(formula: Formula, rows: Rows, end: End | None = None) -> Verdict:
-    """The verdict after these samples, or after the end."""
+    """Return the verdict after these samples, or after the end."""
     monitor = rtamt.EpisodeMonitor(formula)
     for row in rows:
         monitor.update(taken(formula, row))
@@ -29,7 +29,7 @@ def verdict(formula: Formula, rows: Rows, end: End | None = None) -> Verdict:
 
 
 def fed(formula: Formula, rows: Rows) -> float:
-    """The robustness after these samples."""
+    """Return the robustness after these samples."""
     monitor = rtamt.EpisodeMonitor(formula)
     robustness = math.nan
     for row in rows:
@@ -38,12 +38,12 @@ def fed(formula: Formula, rows: Rows) -> float:
 
 
 def decided(chains: Sequence[Formula], rows: Rows, end: End | None = None) -> int:
-    """The stages of which satisfaction is certain after these samples.
+    """Return the stages that are certainly satisfied after these samples.
 
     Args:
         chains: The formula of the first stage, of the first two, and so on.
         rows: The samples.
-        end: How the end is read, if it is there.
+        end: The end mode, if the trace has ended.
     """
     found = [verdict(each, rows, end) is Verdict.SATISFIED for each in chains]
     return max((number for number, holds in enumerate(found, 1) if holds), default=0)
@@ -56,14 +56,14 @@ def progress(
     rows: Rows,
     end: End | None,
 ) -> list[float]:
-    """The progress after every sample, and after the end.
+    """Return the progress after every sample, and after the end.
 
     Args:
         whole: The requirement.
         stages: Its stages.
-        chains: As `decided` has them.
+        chains: As for `decided`.
         rows: The samples.
-        end: How the end is read.
+        end: The end mode.
     """
     found = [0.0]
     count, begun, r0 = len(stages), 0, math.nan

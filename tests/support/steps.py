@@ -1,4 +1,4 @@
-"""Counts the steps of a call: on every machine the same number, however busy the machine is."""
+"""Count the steps of a call: the same number on every machine, at any load."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 SOURCE = Path(__file__).with_suffix(".c")
 BUILD = ROOT / "build" / "steps"
 
-# In one nanobind domain, the classes of this build and of the installed one would be the same.
+# In one nanobind domain, the classes of this build and of the installed one would be equal.
 FLAGS = "-O0 -fsanitize-coverage=trace-pc -DNB_DOMAIN=steps"
 
 
 def counting_machines() -> ModuleType:
-    """The native module, compiled so that it counts its steps; the first build takes longest."""
+    """Return the native module compiled with a step counter; the first build is slow."""
     with exclusive(BUILD):
         return _build()
 
 
 def _build() -> ModuleType:
     for linked in BUILD.glob("_native.*"):
-        linked.unlink()  # the counter inside may be an old one
+        linked.unlink()  # it may contain an old counter
     counter = BUILD / "steps.o"
     cc = [os.environ.get("CC", "cc"), "-O0", "-fPIC", "-c", str(SOURCE), "-o", str(counter)]
     options = {
@@ -75,7 +75,7 @@ class StepCounter:
     """Counts the lines of Python that a call executes, and the steps of the native module.
 
     Args:
-        machines: The result of `counting_machines`; None: only Python is counted.
+        machines: The result of `counting_machines`; None counts only Python.
     """
 
     def __init__(self, machines: ModuleType | None = None) -> None:
@@ -83,7 +83,7 @@ class StepCounter:
         self._native = ctypes.c_uint64.in_dll(library, "steps") if library else ctypes.c_uint64(0)
 
     def __call__(self, call: Callable[..., object], *args: object, **named: object) -> int:
-        """The steps of a call with these arguments."""
+        """Return the steps of a call with these arguments."""
         lines = 0
 
         def trace(_frame: FrameType, event: str, _argument: object) -> TraceFunction:
@@ -91,7 +91,7 @@ class StepCounter:
             lines += event == "line"
             return trace
 
-        gc.disable()  # what it frees would be counted here
+        gc.disable()  # its work would be counted here
         before, outer = self._native.value, sys.gettrace()
         sys.settrace(trace)
         try:

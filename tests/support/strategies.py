@@ -1,7 +1,7 @@
-"""Formulas, traces and chunkings for the property tests; drawn from the table of operators.
+"""Formulas, traces and chunkings for the property tests, from the table of operators.
 
-A new row in `OPERATORS` is drawn too. If it is a function that is not defined everywhere, `_GUARDS`
-keeps its operands where it is.
+A new row in `OPERATORS` is drawn too. If it is a partial function, `_GUARDS` keeps its operands in
+its domain.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ DENSE = tuple(name for name in FORMULAS if not OPERATORS[name].sampled)
 ATOMS = tuple(name for name in OPERATORS if name not in (*TERMS, *FORMULAS))
 
 QUARTERS = tuple(sign * i / 4 for i in range(25) for sign in (1, -1))
-"""Numbers whose sums and differences are exact, the simplest first."""
+"""Numbers with exact sums and differences, the simplest first."""
 
 INTEGERS = (0.0, 0.0, 0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 3.0, 1.0, -1.0)
-"""Numbers that differ by 0 again and again."""
+"""Numbers with many differences of 0."""
 
 INFINITIES = (*QUARTERS, math.inf, -math.inf)
 """Values for atoms that are not ``total``: a difference of two of them may be nan."""
 
-# Strategies are made once: making them is what drawing costs most.
+# Create strategies once: their creation is the largest cost of drawing.
 _leaf = st.sampled_from([variable(name) for name in VARIABLES] * 3 + [None])
 _quarter = st.sampled_from(QUARTERS).map(number)
 # Dense time, arrays, checks and exported monitors draw terms too, and do not support rates.
@@ -53,7 +53,7 @@ _once_in_six = st.sampled_from((False,) * 5 + (True,))
 @functools.cache
 @st.composite
 def terms(draw: Draw, depth: int = 1, name: str | None = None) -> Term:
-    """A term that has a value wherever its variables are finite; with an operator at its root."""
+    """Terms that have a value for all finite variables; with an operator at the root."""
     name = name or (draw(_term_name) if depth else None)
     if name is None:
         return draw(_leaf) or draw(_quarter)
@@ -77,7 +77,7 @@ _GUARDS: Mapping[str, Callable[..., tuple[Node, ...]]] = {
 @functools.cache
 @st.composite
 def intervals(draw: Draw, *, endless: bool) -> Interval | None:
-    """Bounds of a few samples, points among them; ``endless``: without an end at times."""
+    """Bounds of a few samples, also points; with ``endless``, sometimes unbounded."""
     begin, width = draw(_small), draw(_small)
     return Interval.of(begin, None if endless and draw(st.booleans()) else begin + width)
 
@@ -93,13 +93,13 @@ def rooted(
     total: bool = True,
     dense: bool = False,
 ) -> Formula:
-    """A formula with this operator at its root, or in the term on the left of its root.
+    """Formulas with this operator at the root, or in the term on the left of the root.
 
     Args:
-        draw: Given by hypothesis.
+        draw: The function of hypothesis.
         name: The operator.
         depth: Temporal and Boolean operators below the root.
-        endless: Whether future operators may lack an end; those of the past may always.
+        endless: Whether future operators may be unbounded; past operators always may.
         total: See `formulas`.
         dense: See `formulas`.
     """
@@ -126,14 +126,14 @@ def formulas(
     total: bool = True,
     dense: bool = False,
 ) -> Formula:
-    """A formula of any operators, past and future.
+    """Formulas of any operators, past and future.
 
     Args:
-        draw: Given by hypothesis.
-        depth: Most temporal and Boolean operators on a path.
-        endless: Whether future operators may lack an end; those of the past may always.
+        draw: The function of hypothesis.
+        depth: The maximum number of temporal and Boolean operators on a path.
+        endless: Whether future operators may be unbounded; past operators always may.
         total: Whether atoms may be differences, which infinite samples can make nan.
-        dense: Whether only operators are drawn that have a meaning in dense time.
+        dense: Whether to draw only operators that are defined in dense time.
     """
     name = draw(_dense_name if dense else _formula_name) if depth else None
     if name is not None:
@@ -163,16 +163,16 @@ def traces(draw: Draw, least: int = 1, most: int = 12, values: Sequence[float] =
 @functools.cache
 @st.composite
 def chunkings(draw: Draw, n: int) -> list[slice]:
-    """Consecutive slices, empty ones among them, that make up n samples."""
+    """Consecutive slices of n samples, also empty ones."""
     cuts = sorted(draw(st.lists(st.integers(0, n), max_size=4)))
     return [slice(i, j) for i, j in zip([0, *cuts], [*cuts, n], strict=True)]
 
 
 def length(trace: Trace) -> int:
-    """Samples in a trace."""
+    """Return the number of samples in a trace."""
     return len(trace[VARIABLES[0]])
 
 
 def sample(trace: Trace, i: int, names: tuple[str, ...] = VARIABLES) -> dict[str, float]:
-    """One sample of a trace, of the variables that a monitor has."""
+    """Return one sample of a trace, of the variables of a monitor."""
     return {name: trace[name][i] for name in names}

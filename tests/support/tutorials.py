@@ -1,4 +1,4 @@
-"""Tutorials as a reader plays them: their commands in order, in one folder that was empty."""
+"""Run tutorials as a reader does: their commands in order, in a new folder."""
 
 import doctest
 import os
@@ -28,9 +28,9 @@ class Block:
     """A block of a page.
 
     Attributes:
-        language: What stands behind its fence.
+        language: The word after its fence.
         text: Its lines.
-        file: The file that the line before it names at its end, as in "`tank.py`:".
+        file: The file name at the end of the line before it, as in "`tank.py`:".
     """
 
     language: str
@@ -39,14 +39,14 @@ class Block:
 
 
 def blocks_of(page: str) -> Iterator[Block]:
-    """The blocks of a page, in order."""
+    """Return the blocks of a page, in order."""
     for before, language, text in _BLOCK.findall(page):
         named = re.search(r"`([\w./-]+)`:$", before)
         yield Block(language, text, named and named[1])
 
 
 def commands_of(block: str) -> Iterator[tuple[str, str]]:
-    """The commands of a block ``console``, each with what stands below it."""
+    """Return the commands of a block ``console``, each with its output."""
     for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
         command, _, shown = part.partition("\n")
         yield command, shown
@@ -54,11 +54,11 @@ def commands_of(block: str) -> Iterator[tuple[str, str]]:
 
 @dataclass
 class Reader:
-    """Who does what a tutorial says.
+    """Follows a tutorial.
 
     Attributes:
-        folder: Where.
-        patch: What undoes what a step changes of this process.
+        folder: The working folder.
+        patch: Restores the changes of a step to this process.
         code: The exit code of the last command.
     """
 
@@ -68,7 +68,7 @@ class Reader:
     names: dict[str, object] = field(default_factory=dict)
 
     def gives(self, command: str, **variables: str) -> str:
-        """Runs a command of the shell, with variables; returns what it prints."""
+        """Run a command of the shell, with variables; return its output."""
         program, *arguments = shlex.split(Template(command).safe_substitute(variables))
         if (program, arguments) == ("echo", ["$?"]):
             return f"{self.code}\n"
@@ -85,7 +85,7 @@ class Reader:
         return out.getvalue()
 
     def python(self, text: str, page: str) -> list[str]:
-        """Runs a block of Python; returns what it shows wrongly."""
+        """Run a block of Python; return the differences of its output."""
         said: list[str] = []
         test = doctest.DocTestParser().get_doctest(text, self.names, page, page, 0)
         assert test.examples, f"nothing is run: {text}"
@@ -96,7 +96,7 @@ class Reader:
         return said
 
     def changes(self, file: str, lines: str) -> None:
-        """Changes a file as a block ``diff`` says: lines with - become those with + below."""
+        """Change a file by a block ``diff``: lines with - become the lines with + below."""
         path = self.folder / file
         text = path.read_text(encoding="utf-8")
         for old, new in re.findall(r"((?:^-.*\n)+)((?:^\+.*\n)*)", lines, re.MULTILINE):
@@ -107,7 +107,7 @@ class Reader:
 
     @contextmanager
     def _fresh_modules(self) -> Iterator[None]:
-        """Lets a step import the modules of the folder, and the next one import them anew."""
+        """Let a step import the modules of the folder, and the next one import them again."""
         with self.patch.context() as patch:
             patch.chdir(self.folder)
             patch.syspath_prepend(self.folder)

@@ -1,4 +1,4 @@
-"""Writes logs in the format ULog of PX4, from its published description."""
+"""Write logs in the format ULog of PX4, from its published description."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _CODES = {
 
 
 def _message(kind: str, body: bytes) -> bytes:
-    """A message: the length of its body, its type, its body."""
+    """Return a message: the length of its body, its type, its body."""
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic, one instance of which a log has.
+    """A topic with one instance in a log.
 
     Attributes:
         name: The topic, ``vehicle_status``.
         fields: Types and names of its fields after the time, ``("float[3]", "q")``.
         instance: The number of the instance.
-        subscription: The number of the subscription: a logger may subscribe a topic again.
+        subscription: The number of the subscription: a logger may subscribe to a topic twice.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Topic:
 
     @property
     def format(self) -> str:
-        """What describes it in a log; a number of bytes that is no multiple of 8 is padded."""
+        """Return its format message; it is padded to a multiple of 8 bytes."""
         every = (("uint64_t", "timestamp"), *self.fields)
         text = "".join(f"{kind} {name};" for kind, name in every)
         padding = -self.size % 8
@@ -56,7 +56,7 @@ class Topic:
 
     @property
     def codes(self) -> str:
-        """How its values are packed."""
+        """Return the struct codes of its values."""
         codes = ["<"]
         for kind, _ in self.fields:
             base, _, count = kind.partition("[")
@@ -65,7 +65,7 @@ class Topic:
 
     @property
     def size(self) -> int:
-        """How many bytes its values have."""
+        """Return the number of bytes of its values."""
         return struct.calcsize(self.codes)
 
 
@@ -74,8 +74,8 @@ class Ulog:
     """A log that is written message by message.
 
     Attributes:
-        start: Microseconds at which it begins.
-        messages: What comes after the definitions.
+        start: Its start in microseconds.
+        messages: The messages after the definitions.
     """
 
     start: int = 0
@@ -83,7 +83,7 @@ class Ulog:
     _topics: list[Topic] = field(default_factory=list)
 
     def data(self, topic: Topic, micros: int, values: Sequence[float]) -> None:
-        """A record of a topic."""
+        """Add a record of a topic."""
         if topic not in self._topics:
             self._topics.append(topic)
             head = struct.pack("<BH", topic.instance, self._topics.index(topic))
@@ -92,25 +92,25 @@ class Ulog:
         self.messages.append(_message("D", body + struct.pack(topic.codes, *values)))
 
     def records(self, topic: Topic, rows: Iterable[tuple[int, Sequence[float]]]) -> None:
-        """Records of a topic."""
+        """Add records of a topic."""
         for micros, values in rows:
             self.data(topic, micros, values)
 
     def dropout(self, milliseconds: int) -> None:
-        """A time for which nothing could be written."""
+        """Add a period in which nothing could be written."""
         self.messages.append(_message("O", struct.pack("<H", milliseconds)))
 
     def sync(self) -> None:
-        """Bytes by which a reader finds its way back."""
+        """Add bytes that let a reader find the next message."""
         self.messages.append(_message("S", bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])))
 
     def text(self, micros: int, text: str) -> None:
-        """A line of the autopilot's log."""
+        """Add a line of the autopilot's log."""
         self.messages.append(_message("L", struct.pack("<BQ", ord("6"), micros) + text.encode()))
 
     @property
     def definitions(self) -> list[bytes]:
-        """The header and the messages before the data: flags, formats, a word about the system."""
+        """Return the header and the messages before the data: flags, formats, information."""
         info = b"char[3] sys_name"
         formats = dict.fromkeys(topic.format for topic in self._topics)
         return [
@@ -121,6 +121,6 @@ class Ulog:
         ]
 
     def save(self, path: Path) -> Path:
-        """Writes the file."""
+        """Write the file."""
         path.write_bytes(b"".join([*self.definitions, *self.messages]))
         return path

@@ -1,4 +1,4 @@
-"""Traces some of whose values are not known, or not exactly, and traces that they may be."""
+"""Traces with unknown or uncertain values, and traces that they allow."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def uncertain_traces(draw: Draw, least: int = 1, most: int = 10, share: float = 
 
 
 def some_value(rng: random.Random, share: float) -> float | UncertainValue:
-    """A number, or, in that share of cases, an interval: half of them everything."""
+    """A number, or with this probability an interval, half of them unbounded."""
     if rng.random() >= share:
         return rng.choice(QUARTERS)
     if rng.random() < 0.5:
@@ -37,7 +37,7 @@ def some_value(rng: random.Random, share: float) -> float | UncertainValue:
 
 
 def one_of(trace: Uncertain, rng: random.Random) -> Trace:
-    """A trace of finite numbers that an uncertain trace may be."""
+    """A trace of finite numbers that an uncertain trace allows."""
     return {
         name: [
             max(-1e3, min(1e3, inside(value, rng))) if value is UNKNOWN else inside(value, rng)

@@ -41,7 +41,7 @@ def both(
     *arguments: Any,  # noqa: ANN401 - those of the wrappers
     **options: Any,  # noqa: ANN401
 ) -> tuple[Any, SyncVectorEnv]:
-    """Environments that are wrapped together, and the same wrapped one by one."""
+    """Return environments wrapped together, and the same wrapped one by one."""
 
     def wrapped(make: Make) -> gym.Env[Any, Any]:
         return one(make(), *arguments, **options)
@@ -51,12 +51,12 @@ def both(
 
 
 def native(num: int) -> Envs:
-    """Gymnasium's own vector environment: one generator of random numbers for all."""
+    """Return Gymnasium's own vector environment: one random generator for all."""
     return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
 
 
 def trajectory(envs: Envs, steps: int, seed: int = 7) -> list[tuple[Any, ...]]:
-    """Reset and random steps; the environments of `DISABLED` are reset where they ended."""
+    """Reset and take random steps; environments of `DISABLED` are reset at their end."""
     envs.action_space.seed(seed)
     shown: list[tuple[Any, ...]] = [envs.reset(seed=seed)]
     for _ in range(steps):
@@ -68,7 +68,7 @@ def trajectory(envs: Envs, steps: int, seed: int = 7) -> list[tuple[Any, ...]]:
 
 
 def difference(left: object, right: object, at: str = "") -> str:
-    """The first place where two trajectories differ; empty if they are equal, types included."""
+    """Return the first difference of two trajectories, also in types; empty if they are equal."""
     if isinstance(left, dict) and isinstance(right, dict):
         if left.keys() != right.keys():
             return f"{at}: {sorted(left.keys() ^ right.keys())} in one of them alone"

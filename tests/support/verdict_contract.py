@@ -1,7 +1,7 @@
 """Verdicts and records of a monitor on real processes of ROS 1 and ROS 2, also if it is killed.
 
-A test file of a generation subclasses `VerdictContract` and gives it a fixture `world`. Verdicts
-are compared with their definition on the samples that the node publishes, without `rtamt`.
+The tests of a generation subclass `VerdictContract` and have a fixture `world`. Verdicts are
+compared with their definition on the samples that the node publishes, without `rtamt`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["VerdictContract"]
 MS = 1_000_000
 PERIOD = 50 * MS
 ANSWER = 4
-"""The samples in which an answer is due."""
+"""The number of samples until an answer is due."""
 
 ANSWERED = """
 from geometry_msgs.msg import PointStamped, Twist
@@ -44,7 +44,7 @@ b.point.x = cmd.angular.z >= 0
 fast = always(cmd.linear.x <= 0.9)
 answer = always(cmd.linear.x >= 0.5 implies eventually[0:0.2s](cmd.angular.z >= 0.5))
 """
-"""The robustness of `a` and `b` are the values that a sample holds."""
+"""The robustness of `a` and `b` are the values of a sample."""
 
 ABOVE = """
 input float64 x
@@ -70,7 +70,7 @@ def upper_answer(x: np.ndarray[Any, Any], z: np.ndarray[Any, Any]) -> np.ndarray
 
 
 def stamp_of(heard: Heard) -> int:
-    """The nanoseconds in the header of a message."""
+    """Return the nanoseconds in the header of a message."""
     stamp = heard.message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
@@ -80,12 +80,12 @@ class VerdictContract:
 
     @pytest.fixture
     def topic(self, request: pytest.FixtureRequest) -> str:
-        """A namespace of the test's own."""
+        """Return a namespace for this test only."""
         return f"/verdicts/{request.node.originalname}"
 
     @pytest.fixture
     def processes(self) -> Iterator[list[Process]]:
-        """Processes that end with the test."""
+        """Return a list of processes that end with the test."""
         processes: list[Process] = []
         yield processes
         for process in processes:
@@ -211,6 +211,6 @@ class VerdictContract:
         assert {row["verdict"] for row in self.rows(record.with_stem("killed-2"))} == {"0"}
 
     def rows(self, path: Path) -> list[dict[str, str]]:
-        """The rows of a record."""
+        """Return the rows of a record."""
         with path.open(encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))

@@ -1,4 +1,4 @@
-"""A small environment, policies for it, and a loop by hand that counts what an evaluation does."""
+"""A small environment, its policies, and an independent loop that counts like an evaluation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SIGNALS = {"x": "obs[0]"}
 
 
 class Walk(gym.Env[Any, Any]):
-    """A walk with steps of its own and of the policy, which ends by itself when it is far off.
+    """A walk by its own steps and by the policy, which terminates far from the start.
 
     Args:
         steps: The time limit.
-        goal: The way at which it terminates.
-        cursed: A seed whose episode raises at its second step.
+        goal: The distance at which it terminates.
+        cursed: A seed whose episode raises an error at its second step.
     """
 
     observation_space = spaces.Box(-100.0, 100.0, (2,), np.float32)
@@ -49,7 +49,7 @@ class Walk(gym.Env[Any, Any]):
 
 
 class Model:
-    """A recurrent model: its action depends on how many steps its memory has seen."""
+    """A recurrent model: its action depends on the number of steps in its memory."""
 
     def predict(
         self,
@@ -80,7 +80,7 @@ def acts() -> Any:  # noqa: ANN401
 
 
 def by_hand(env: Any, seed: int, specs: dict[str, str]) -> dict[str, Any]:  # noqa: ANN401
-    """Plays an episode of `Model` with a loop; judges its samples once they are all there."""
+    """Play an episode of `Model` in a loop; judge its samples at the end."""
     obs, _ = env.reset(seed=seed)
     act = acts()
     xs, total, over, cut = [float(obs[0])], 0.0, False, False

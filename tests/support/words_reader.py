@@ -1,4 +1,4 @@
-"""Reads the sentences of `Specification.in_words` back to formulas; shares no table with it."""
+"""Read the sentences of `Specification.in_words` back to formulas; shares no table with it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FIRST = {
         f"at {_T}": "p",
     },
 }
-"""Phrases of the future at the begin of a trace, with the bounds that they name."""
+"""Phrases of the future at the start of a trace, with their bounds."""
 
 _LATER = {
     "always": {
@@ -118,10 +118,10 @@ _FIRST_SAMPLE = "the first sample counts as changed"
 
 
 def read(text: str) -> Formula:
-    """The formula of a sentence.
+    """Return the formula of a sentence.
 
     Raises:
-        AssertionError: If it is none.
+        AssertionError: If there is none.
     """
     text = re.sub(r'"(\w+)"', r"Quoted_\1", text)
     says_first = text.endswith(_FIRST_SAMPLE)
@@ -190,7 +190,7 @@ class _Reader:
         return _make(name, self.clause(rest, first=False), bounds=bounds)
 
     def kept(self, head: str, *, first: bool) -> tuple[Formula, Interval | None]:
-        """What holds in front of "or only until", and for how long it does otherwise."""
+        """Return the operand before "or only until", and its duration otherwise."""
         for phrase, which in (_FIRST if first else _LATER)["always"].items():
             if found := re.fullmatch(f"(.*?) ({phrase})", head):
                 held = found[1]
@@ -293,7 +293,7 @@ def _when(phrase: str, *, first: bool) -> tuple[str, Interval | None]:
 
 
 def _suffix(name: str, text: str, *, first: bool, never: bool) -> tuple[str, Interval | None]:
-    """What stands before the phrase at the end of a predicate, and the bounds of that."""
+    """Return the text before the phrase at the end of a predicate, and its bounds."""
     phrases = {**(_FIRST if first else _LATER), **_PAST}[name]
     for pattern, which in phrases.items():
         if which != "p" and (found := re.fullmatch(f"(.*?) ({pattern})", text)):
@@ -322,7 +322,7 @@ def _bounds(which: str, groups: tuple[str, ...]) -> Interval | None:
 
 
 def _long(bounds: Interval | None) -> Interval | None:
-    """The bounds within which ``unless`` holds its left operand if nothing else happens."""
+    """Return the bounds within which ``unless`` holds its left operand by default."""
     if bounds is None or bounds.end is None:
         return None
     return Interval(Fraction(0), bounds.end, bounds.unit)
@@ -333,7 +333,7 @@ def _make(name: str, *args: Node, bounds: Interval | None = None) -> Formula:
 
 
 def _parts(text: str, word: str) -> list[str]:
-    """The parts of a text between the words that stand in no brackets."""
+    """Return the parts of a text between the words outside brackets."""
     parts, depth, begin = [], 0, 0
     for i, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
@@ -344,13 +344,13 @@ def _parts(text: str, word: str) -> list[str]:
 
 
 def _cut(text: str, word: str) -> tuple[str, str]:
-    """What stands before and behind the first word that stands in no brackets."""
+    """Return the text before and after the first word outside brackets."""
     head, *rest = _parts(text, word)
     return head, word.join(rest)
 
 
 def _bracketed(text: str) -> bool:
-    """Whether a text is one pair of brackets."""
+    """Return whether a text is one pair of brackets."""
     if not (text.startswith("(") and text.endswith(")")):
         return False
     depth = 0
