@@ -1,7 +1,7 @@
 """Suites, back-ends and Hypothesis profiles of the tests.
 
 ``pytest -q`` runs the suite ``quick``: every test that is not marked ``slow``, and each property on
-a fifth of its examples. Where paths are named, their tests run in full.
+a fifth of its examples. Tests of paths on the command line run in full.
 """
 
 import gc
@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, Phase, is_hypothesis_test, settings
 
 import rtamt
 
-# Tests and fixtures that two files have in common.
+# Tests and fixtures that two files share.
 pytest.register_assert_rewrite(
     "array_contract", "ros_contract", "ros_live", "ros_tutorial", "ros2_client"
 )
@@ -43,10 +43,9 @@ settings.register_profile(
 )
 # The examples of `quick` are the first fifth of those of `repeatable`.
 settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=10)
-# Sanitizers look at memory: a tenth of the time, and each path of the machines still comes.
+# Sanitizers check memory: a tenth of the examples reaches each path of the machines.
 settings.register_profile("sanitized", settings.get_profile("repeatable"), max_examples=15)
-# A mutant is killed by the first example that fails, however long the example is; hundreds of
-# mutants are tried.
+# The first failing example kills a mutant, however long it is; hundreds of mutants are tried.
 settings.register_profile(
     "mutation",
     settings.get_profile("repeatable"),
@@ -60,13 +59,13 @@ BACKENDS = ("python", "native") if rtamt.BACKEND == "native" else ("python",)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """The whole suite runs on every core; tests that were chosen start no workers."""
+    """The complete suite runs on every core; selected tests start no workers."""
     return None if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 0
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_make_collect_report(collector: pytest.Collector) -> pytest.CollectReport | None:
-    """Where ROS is missing, each file of its tests fails with how to install it."""
+    """Where ROS is missing, each file of its tests fails and reports how to install it."""
     if collector.path.name.startswith(("test_ros1", "test_ros2")):
         from ros_processes import missing
 
@@ -105,11 +104,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class _Collection:
-    """Faster collection, in the folders of the packages too, which this file does not govern."""
+    """Faster collection, also in the folders of the packages, which have no other conftest."""
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collection(self) -> Generator[None, object, object]:
-        """Collect without a search for garbage, which would take a fifth of the time."""
+        """Collect without garbage collection, which would take a fifth of the time."""
         gc.disable()
         try:
             return (yield)
@@ -206,7 +205,7 @@ def _slow(items: list[pytest.Item]) -> set[pytest.Item]:
 
 
 def _backend_of(item: pytest.Item) -> str | None:
-    """The back-end that a test is parametrized with; None: it is not, or compares them."""
+    """Return the back-end of a parametrized test; None without one, or if it compares them."""
     params = (
         item.callspec.params
         if isinstance(item, pytest.Function) and hasattr(item, "callspec")
@@ -218,13 +217,13 @@ def _backend_of(item: pytest.Item) -> str | None:
 
 @pytest.fixture(scope="session", params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> str:
-    """Every back-end that is built."""
+    """Return every back-end that is built."""
     return str(request.param)
 
 
 @pytest.fixture(scope="module")
 def doubles() -> Iterator[None]:
-    """JAX with float64, which it has on demand; it is installed for its own tests alone."""
+    """Enable float64 in JAX; its own tests install JAX."""
     import jax
 
     before = jax.config.jax_enable_x64

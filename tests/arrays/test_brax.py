@@ -1,4 +1,4 @@
-"""Wrapped environments of Brax and Playground are judged as recorded signals are."""
+"""Wrapped environments of Brax and Playground are judged like recorded signals."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def wrapped(specs: Any, signals: Any, length: int = 7, repeat: int = 1, **option
 
 
 def rollout(env: Any, steps: int = 40) -> tuple[Any, Any, Any]:  # noqa: ANN401
-    """The state of the reset, and the states and actions of a scanned rollout, under one jit."""
+    """Return the state of the reset, and the states and actions of a compiled rollout."""
     actions = jax.random.normal(jax.random.PRNGKey(1), (steps, ENTRIES, 1)) * 0.7
     keys = jax.random.split(jax.random.PRNGKey(0), ENTRIES)
 
@@ -82,7 +82,7 @@ def test_scanned_rollout_equals_recorded_signals(
     env = wrapped(spec, signals, period="100ms", on_violation=on_violation, at_truncation=end)
     first, states, actions = rollout(env)
     info, done = states.info, np.asarray(states.done) > 0
-    # What a bare environment does with these actions from each reset on, by hand.
+    # The results of a bare environment for these actions from each reset on, by hand.
     where = np.array(first.obs)
     monitor = VectorEpisodeMonitor(spec, ENTRIES, period="100ms")
     beginning = np.ones(ENTRIES, bool)
@@ -113,7 +113,7 @@ def test_scanned_rollout_equals_recorded_signals(
         beginning = expected
         ended += expected.sum()
     assert ended > ENTRIES  # resets in the middle
-    assert open_ends  # windows that reach past an end
+    assert open_ends  # windows that extend beyond an end
 
 
 def _table(monitor: VectorEpisodeMonitor, obs: Any, action: Any) -> Any:  # noqa: ANN401
@@ -161,7 +161,7 @@ def test_verdicts_alone_are_paid_once_an_episode() -> None:
 
 
 class FullReset(Wrapper):  # type: ignore[misc]  # Brax is untyped
-    """Resets all arrays whose first axis is as long as there are entries, as Playground's does."""
+    """Resets all arrays whose first axis is the number of entries, as Playground does."""
 
     def step(self, state: State, action: Any) -> State:  # noqa: ANN401
         steps = jnp.where(state.done, 0.0, state.info["steps"])
@@ -198,7 +198,7 @@ def test_info_resets_keep_other_environments() -> None:
 def test_costs_are_summed_with_metrics() -> None:
     env = wrapped("always(x < 0.8)", {"x": "obs[0]"}, cost="violation", on_violation="report")
     first, states, _ = rollout(env)
-    goes_on = np.asarray(states.done) == 0  # the observations of others are of resets
+    goes_on = np.asarray(states.done) == 0  # the observations of the others are from resets
     cost = np.asarray(states.info["cost"])
     assert not np.asarray(first.info["cost"]).any()
     np.testing.assert_array_equal(cost[goes_on], np.asarray(states.obs)[goes_on, 0] >= 0.8)
@@ -230,7 +230,7 @@ def test_function_and_metric_signals() -> None:
     plain = wrapped(
         "always(x < 0.5 and abs(y) < 3)", SIGNALS | {"y": "obs[1]"}, on_violation="report"
     )
-    # The metric of a reset is 0, and all else is that of the observation.
+    # The metric of a reset is 0, and all else is from the observation.
     _, expected, _ = rollout(plain)
     np.testing.assert_array_equal(states.info["stl_violated"], expected.info["stl_violated"])
 

@@ -25,7 +25,7 @@ EPISODES = 128
 
 
 class Drift(Env):  # type: ignore[misc]  # Brax is untyped
-    """A point that actions push; Brax sums its steps outside of the requirement."""
+    """A point that actions push; Brax sums its steps outside the requirement."""
 
     dt = np.float32(0.1)
     observation_size = 1

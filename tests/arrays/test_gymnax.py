@@ -1,4 +1,4 @@
-"""Wrapped environments of gymnax, and functional ones of Gymnasium, are judged as signals are."""
+"""Wrapped environments of gymnax, and functional ones of Gymnasium, are judged like signals."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_functional_environment_under_scan() -> None:
 
 
 def test_functional_vector_environment() -> None:
-    """An entry's samples are the observations that it shows, whatever the others do."""
+    """An entry's samples are its observations, whatever the others do."""
     jax.config.update("jax_enable_x64", False)  # noqa: FBT003 - these mix kinds of floats else
     spec = "always(abs(theta) < 0.12)"
     made = StlFuncEnv(CartPoleFunctional(), spec, {"theta": "obs[2]"})
@@ -161,7 +161,7 @@ def test_functional_vector_environment() -> None:
     for action in (np.random.default_rng(3).random((60, ENTRIES)) < 0.8).astype(int):
         before = np.asarray(obs)
         obs, _, terminated, truncated, info = env.step(action)
-        # Where it begins another entry, Gymnasium leaves an entry in the state in which it was.
+        # At the start of another entry, Gymnasium leaves an entry in its state.
         went_on = ~begins & (np.asarray(obs) != before).any(axis=1)
         monitor.reset(begins)
         monitor.update(_table(monitor, obs), went_on | begins)

@@ -1,4 +1,4 @@
-"""The example that trains on the device pays what it requires, and learns it."""
+"""The example that trains on the device pays its requirement, and learns it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from paths import EXAMPLES
 
-STEPS = 500  # the limit of time of CartPole
+STEPS = 500  # the time limit of CartPole
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,9 @@ def example() -> ModuleType:
 
 
 def driven(example: ModuleType, place: float) -> Any:  # noqa: ANN401 - arrays of each step
-    """Last observations, rewards and ends of an episode that a rule drives to a place in 3 s."""
+    """Return last observations, rewards and ends of an episode with a rule that reaches a place in
+    3 s.
+    """
     env, params = example.make_env()
 
     def step(carried: Any, moment: Any) -> Any:  # noqa: ANN401
@@ -50,15 +52,15 @@ def test_visiting_episode_has_more_value(example: ModuleType) -> None:
         assert not terminated.any()
         worth[place] = reward @ example.GAMMA ** np.arange(STEPS)
     assert worth[0.45] > 1.1 * worth[0.0]
-    assert worth[0.0] > 0.0  # else an early end would be a relief
+    assert worth[0.0] > 0.0  # otherwise an early end would be a relief
 
 
 def test_observation_at_the_time_limit(example: ModuleType) -> None:
-    """The critic says what it is worth, and has learned from the others alone."""
+    """The critic estimates its value, learned only from the others."""
     obs, _, _, truncated = driven(example, 0.45)
     np.testing.assert_array_equal(np.flatnonzero(truncated), [STEPS - 1])
     np.testing.assert_allclose(obs[-1], obs[-2], atol=0.5)
-    lower, verdict = obs[:, 10], obs[:, 13]  # those of the limit of the place
+    lower, verdict = obs[:, 10], obs[:, 13]  # of the limit of the place
     np.testing.assert_array_equal(lower, -1.0)
     np.testing.assert_array_equal(verdict, 0.0)
 

@@ -1,4 +1,4 @@
-"""The monitors of JAX equal the C++ machines to the bit."""
+"""The monitors of JAX equal the C++ machines bit by bit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Jax:
 def stepped(
     monitor: ArrayMonitor, samples: Tensor, resets: Tensor, *, every: bool = False
 ) -> Tensor:
-    """The readings of a monitor over samples, of all variables or of its own, in one scan."""
+    """Return the readings over samples, of all variables or of its own, in one scan."""
     chosen = samples if every else samples[..., jnp.array(places(monitor.variables))]
 
     def step(state: Tensor, given: Tensor) -> Tensor:
@@ -251,7 +251,7 @@ print("equal")
     ],
 )
 def test_sharded_step_has_no_communication(made: str, text: str) -> None:
-    """In a process of its own, since the number of devices is fixed where JAX begins."""
+    """In a process of its own, because JAX fixes the number of devices at its start."""
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=4", "JAX_PLATFORMS": "cpu"}
     ran = subprocess.run(
         [sys.executable, "-c", DEVICES, made, text],

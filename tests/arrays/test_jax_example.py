@@ -1,4 +1,4 @@
-"""The example that ascends gradients runs as it says and finds what it claims."""
+"""The example that follows gradients runs and confirms its claims."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def unicycle() -> ModuleType:
 
 def test_distances_of_a_straight_path(unicycle: ModuleType) -> None:
     controls = np.zeros((2, 60))
-    controls[0] = 100.0  # the greatest speed, and no turn
+    controls[0] = 100.0  # the maximum speed, and no turn
     places = np.asarray(unicycle.path(controls))
     np.testing.assert_allclose(places, [0.2 * np.arange(61), np.zeros(61)], atol=1e-4)
     seen = unicycle.signals(places)

@@ -1,7 +1,7 @@
-"""Wrapped environments of ManiSkill are judged as recorded signals are.
+"""Wrapped environments of ManiSkill are judged like recorded signals.
 
-Its own tasks ask for a renderer where they are made; a task without a robot and without a picture
-steps on any machine, one environment of it, as its simulator for processors has no more.
+Its own tasks need a renderer. A task without a robot and without a picture runs on any machine,
+with one environment, because its simulator on processors has only one.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class FallingBall(BaseEnv):  # type: ignore[misc] # ManiSkill is untyped
     """A ball that falls."""
 
     SUPPORTED_ROBOTS = ("none",)
-    single_action_space = action_space = gym.spaces.Box(-1.0, 1.0, (1,))  # which nothing reads
+    single_action_space = action_space = gym.spaces.Box(-1.0, 1.0, (1,))  # nothing reads it
 
     def __init__(self, **options: Any) -> None:  # noqa: ANN401
         super().__init__(robot_uids="none", **options)
@@ -46,7 +46,7 @@ class FallingBall(BaseEnv):  # type: ignore[misc] # ManiSkill is untyped
         self.ball = builder.build(name="ball")
 
     def _load_lighting(self, _: object) -> None:
-        """There is no light where nothing is shown."""
+        """Load no light, because nothing is shown."""
 
     def _initialize_episode(self, env_idx: torch.Tensor, _: object) -> None:
         place = torch.tensor([[0.0, 0.0, 1.1]]).repeat(len(env_idx), 1)

@@ -1,4 +1,4 @@
-"""The monitors of torch equal the C++ machines to the bit."""
+"""The monitors of torch equal the C++ machines bit by bit."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def stepped(
     resets: Tensor,
     update: Callable[..., ArrayMonitor] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """The readings after each sample."""
+    """Return the readings after each sample."""
     state, readings = monitor.init(resets.shape[1]), []
     for sample, mask in zip(samples, resets, strict=True):
         state, reading = (update or monitor.update)(monitor.reset(state, mask), sample)
@@ -119,7 +119,7 @@ class TestOffline(OfflineContract):
 
 @pytest.fixture
 def compiling(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps are what a graph is made of, on integers, though none is made."""
+    """Run steps in the form of a graph, on integers, without a graph."""
     monkeypatch.setattr(torch.compiler, "is_compiling", lambda: True)
 
 
@@ -149,7 +149,7 @@ MONITORS = [
 
 
 def played(entries: int = 3) -> tuple[Tensor, Tensor]:
-    """Samples of two variables, with zeros of either sign, and resets in the middle."""
+    """Return samples of two variables, with zeros of either sign, and resets in the middle."""
     random = np.random.default_rng(5)
     samples = random.choice(np.array(s.QUARTERS), (12, entries, 2))
     return torch.from_numpy(samples), torch.from_numpy(random.random((12, entries)) < 0.1)
@@ -189,7 +189,7 @@ def test_evaluate_is_one_graph(
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-# Of torch itself, where its compiler is imported.
+# From torch itself, at the import of its compiler.
 @pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
 @pytest.mark.parametrize(
     ("made", "text"), [(arrays.online, SPECS[1]), (arrays.episode, EPISODES[0])]
@@ -271,7 +271,7 @@ def test_in_place_steps_keep_readings(made: Callable[..., ArrayMonitor], text: s
 
 
 class Made(TorchDispatchMode):  # type: ignore[misc] # torch has no types here
-    """Keeps the greatest number of elements of a tensor in new memory."""
+    """Records the maximum number of elements of a tensor in new memory."""
 
     def __init__(self, state: Sequence[Tensor]) -> None:
         super().__init__()
@@ -317,7 +317,7 @@ def test_pure_step_keeps_the_state(made: Callable[..., ArrayMonitor], text: str)
 @settings(cases.few, max_examples=3)
 @given(cases.cases())
 def test_step_has_static_shapes(case: cases.Case) -> None:
-    """On the device meta tensors have shapes and no numbers: a look at one fails."""
+    """On the device meta, tensors have shapes and no numbers: reading one fails."""
     with torch.device("meta"):
         mask = torch.ones(3, dtype=torch.bool)
         for formula in case.formulas:
@@ -334,7 +334,7 @@ def test_step_has_static_shapes(case: cases.Case) -> None:
 
 
 class NothingAsked(TorchDispatchMode):  # type: ignore[misc] # torch has no types here
-    """Refuses the operations that wait for a device, or whose shapes depend on numbers."""
+    """Raises an error for operations that wait for a device, or whose shapes depend on numbers."""
 
     REFUSED = ("_local_scalar_dense", "nonzero", "masked_select", "unique", "equal")
 
@@ -367,7 +367,7 @@ def test_what_would_be_asked_is_refused() -> None:
         torch.zeros(2)[0].item()
 
 
-# Of torch itself, where it first makes tangents.
+# From torch itself, at its first tangents.
 @pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
 def test_tangents_go_through_min_and_max() -> None:
     def least(x: Tensor) -> Tensor:
@@ -377,7 +377,7 @@ def test_tangents_go_through_min_and_max() -> None:
     assert torch.func.jvp(least, (x,), (torch.tensor([5.0, 7.0, 9.0]),))[1].item() == 7.0
 
 
-# Of torch itself, where it first makes tangents.
+# From torch itself, at its first tangents.
 @pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
 @pytest.mark.parametrize(("made", "text"), [(None, "always(x >= 0)"), *MONITORS])
 def test_tangents_go_through_compiled_graphs(
@@ -442,7 +442,7 @@ def test_in_place_gradient_error(made: Callable[..., ArrayMonitor], text: str) -
         assert bits(found.numpy()) == bits(expected.numpy())
     with torch.no_grad():
         monitor.update_(state, sample)
-    monitor.update_(state, {"x": x.detach(), "y": y.detach(), "z": x})  # which is not read
+    monitor.update_(state, {"x": x.detach(), "y": y.detach(), "z": x})  # it is not read
     assert not any(each.requires_grad for each in state)
 
 

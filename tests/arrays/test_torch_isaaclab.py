@@ -118,7 +118,7 @@ def test_terms_equal_recorded_signals(computes: int) -> None:
             obs[:, 1].numpy(), np.clip(monitor.robustness, -1, 1), atol=1e-12
         )
     assert ends > ENTRIES
-    assert open_ends  # windows that reach past an end
+    assert open_ends  # windows that extend beyond an end
     torch.set_default_dtype(torch.float32)
 
 
@@ -132,7 +132,7 @@ BODY = "always(abs(x) < 1 and (x > -0.5 or eventually[0:0.3](x > 0)))"
 
 
 def certain(samples: list[float]) -> bool:
-    """Whether samples certainly violate ``BODY``, by its definition; 0.3 s are three samples."""
+    """Return whether samples certainly violate ``BODY``, by definition; 0.3 s are three samples."""
     for i, x in enumerate(samples):
         if abs(x) >= 1:
             return True

@@ -1,4 +1,4 @@
-"""Environments of gymnasium-robotics as they are: which flag they have, and that seeds repeat."""
+"""Unmodified environments of gymnasium-robotics: their success flags, and repeatable seeds."""
 
 from __future__ import annotations
 

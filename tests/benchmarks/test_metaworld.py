@@ -24,7 +24,7 @@ from rtamt_gym.success import reading, readings
 FLAG: Any = {"success": ("info['success']", 0.0)}
 SIDED = [name for name, row in TASKS.items() if row.quantity != "flag"]
 
-# What the package and Gymnasium say of the package.
+# Warnings of the package and of Gymnasium about the package.
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*WARN:UserWarning"),
     pytest.mark.filterwarnings("ignore:Constant:UserWarning"),

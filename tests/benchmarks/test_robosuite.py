@@ -1,4 +1,4 @@
-"""robosuite as an environment of Gymnasium: what its adapter promises, on Lift."""
+"""robosuite as an environment of Gymnasium: the promises of its adapter, on Lift."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def page(browser: Browser, example: Path) -> Iterator[Page]:
 
 
 def shown(value: float) -> str:
-    """A number as the page writes it."""
+    """Return a number as the page writes it."""
     return f"{value:.5g}".replace("-", "\N{MINUS SIGN}")
 
 
@@ -44,7 +44,7 @@ def test_every_chart_is_drawn(page: Page) -> None:
         *("histogram", "violations", "episode", "map", "cases", "convergence", "pairs", "timeline")
     }
     assert [kind for kind, traces in kinds if not traces and kind != "map"] == []
-    assert page.locator("figure.map .hm image").count() == 2  # known, and undecided beside it
+    assert page.locator("figure.map .hm image").count() == 2  # known, and undecided next to it
 
 
 @pytest.mark.parametrize("share", [0.25, 0.75])
@@ -139,7 +139,7 @@ def test_the_samples_become_a_table(page: Page) -> None:
     details = page.locator("#evaluation-upright-worst-seed-17 [data-samples]")
     details.locator("summary").click()
     rows = details.locator("tbody tr")
-    expect(rows).to_have_count(len(EPISODE.times))  # once the browser has said that it is open
+    expect(rows).to_have_count(len(EPISODE.times))  # once the browser reports it as open
     assert rows.nth(64).locator("td").all_inner_texts() == [
         *(shown(EPISODE.times[64]), shown(EPISODE.signals["angle"][64])),
         *(shown(EPISODE.signals["position"][64]), shown(EPISODE.robustness[64])),
@@ -157,7 +157,7 @@ LOOK = """() => [
 
 
 def test_dark_changes_page_and_charts_and_the_switch_changes_back(page: Page) -> None:
-    def wait_for(look: object) -> None:  # charts are drawn again when the browser says so, later
+    def wait_for(look: object) -> None:  # charts are drawn again at a later event of the browser
         page.wait_for_function(f"look => `${{({LOOK})()}}` === `${{look}}`", arg=look)
 
     light = page.evaluate(LOOK)

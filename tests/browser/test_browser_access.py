@@ -41,9 +41,9 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def faults(page: Page) -> list[Any]:
-    """What axe finds that is serious or critical."""
+    """Return the serious or critical faults that axe finds."""
     page.evaluate(AXE_SCRIPT)
-    # What is inside of a chart is one image with a text, which is its caption.
+    # A chart is one image with a text, its caption.
     found = page.evaluate("axe.run({exclude: ['.plot .plot-container']})")
     assert len(found["passes"]) > 20
     return [
@@ -54,7 +54,7 @@ def faults(page: Page) -> list[Any]:
 
 
 def beyond(page: Page) -> int:
-    """By how many pixels the page is wider than the window."""
+    """Return the pixels by which the page is wider than the window."""
     found: int = page.evaluate("document.documentElement.scrollWidth - innerWidth")
     return found
 
@@ -99,7 +99,7 @@ def test_the_keyboard_reaches_everything_and_leaves_it(browser: Browser, tmp_pat
         assert names[:2] == ["skip", "theme"]
         assert names[2:6] == ["text", "requirement", "verdict", "Clear"]
         assert [name for name, outlined, visible in walk if not (outlined and visible)] == []
-        # A link and a copied command a row, a button a head, and one to show all.
+        # A link and a copied command per row, a button per head, and one to show all.
         assert len([name for name in names if name == "copy"]) == 11
         assert names.count("more") == 1
         page.keyboard.press("Tab")

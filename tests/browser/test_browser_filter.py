@@ -1,4 +1,4 @@
-"""The filter of a report's page, and the address that keeps it."""
+"""The filter of a report's page, and the address that stores it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def loaded(browser: Browser, example: Path) -> Iterator[Page]:
 
 @pytest.fixture
 def page(loaded: Page) -> Page:
-    """The page with a filter that lets everything through."""
+    """Return the page with a filter that accepts everything."""
     loaded.get_by_role("button", name="Clear").click()
     loaded.locator("#count", has_text="3 requirements, 27 runs listed").wait_for()
     return loaded
@@ -106,7 +106,7 @@ def test_the_address_restores_filter_and_position(
     page.get_by_label("Verdict").select_option("violated")
     page.get_by_label("Text").fill("seed & 50%")
     page.get_by_label("Text").fill("seed")
-    # By the keyboard: charts that are drawn late may move the link from under a mouse.
+    # By the keyboard: charts that are drawn late may move the link under a mouse.
     page.locator(f"#{UPRIGHT}").get_by_role("link", name="seed 9").press("Enter")
     fragment = page.evaluate("location.hash")
     assert fragment == (

@@ -1,4 +1,4 @@
-"""Nothing on the page is cut, on a phone and on a screen: boxes are measured in the browser."""
+"""Nothing on the page is cut, on a phone and on a screen: the browser measures the boxes."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ BEYOND = """() => [...document.querySelectorAll("body *")]
   .map(each => [each.outerHTML.slice(0, 80), each.getBoundingClientRect()])
   .filter(([, box]) => box.left < -0.5 || box.right > innerWidth + 0.5)
   .map(([text, box]) => [text, box.left, box.right])"""
-"""Elements that reach beyond the window, but for tables that can be scrolled."""
+"""Elements that extend beyond the window, except scrollable tables."""
 
 CUT = """() => [...document.querySelectorAll(".plot")].flatMap(plot => {
   const room = plot.getBoundingClientRect();
@@ -37,7 +37,7 @@ COVERED = """() => [...document.querySelectorAll(".plot")].flatMap(plot => {
     .filter((box, i) => box.left < boxes[i].right - 1 && Math.abs(box.top - boxes[i].top) < 5)
     .map(box => [plot.dataset.chart, box.left]));
 })"""
-"""Labels of an axis that lie upon each other."""
+"""Overlapping labels of an axis."""
 
 INTERVALS = """() => [...document.querySelectorAll("svg.interval")]
   .filter(each => each.getClientRects().length)
@@ -52,7 +52,7 @@ INTERVALS = """() => [...document.querySelectorAll("svg.interval")]
       right: Math.min(room.right, innerWidth) - Math.max(...boxes.map(box => box.right)),
     };
   })"""
-"""The width of each interval, and the room beside it."""
+"""The width of each interval, and the space next to it."""
 
 
 @pytest.fixture(scope="module")

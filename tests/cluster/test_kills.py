@@ -100,7 +100,7 @@ def workers_of_ray() -> list[int]:
 def test_ten_kills_change_no_row(
     backend: str, victims: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")  # else it writes a file beside the user's
+    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")  # otherwise it writes a file next to the user's
     rng, results, kills = random.Random(f"{backend} {victims}"), f"{backend}-{victims}", 0
     with cluster(backend) as (address, workers):
         options = ("--backend", backend, "--scheduler", address)
@@ -121,6 +121,6 @@ def test_ten_kills_change_no_row(
                 running.wait()
                 running = run(folder, results, *options)
         running.wait()
-        run(folder, results, *options).wait()  # tries rows of lost workers again
+        run(folder, results, *options).wait()  # repeats rows of lost workers
     assert (folder / results / "results.parquet").exists(), (folder / f"{results}.log").read_text()
     assert steady(folder / results) == steady(folder / "undisturbed")

@@ -10,7 +10,7 @@ from clusters import check
 
 
 def test_a_campaign_runs_on_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")  # else it writes a file beside the user's
+    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")  # otherwise it writes a file next to the user's
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
         check("ray", tmp_path)

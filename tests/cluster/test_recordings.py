@@ -85,7 +85,7 @@ def test_killed_workers_of_dask_change_no_row(dask: LocalCluster) -> None:
     finally:
         over.set()
         killer.join()
-    for attempt in range(3):  # what was tried too often is tried again
+    for attempt in range(3):  # rows with too many attempts are tried again
         judge(f"there-{attempt}", "--backend", "dask", "--scheduler", dask.scheduler_address)
         assert steady(f"there-{attempt}") == steady("here")
     assert killed

@@ -1,9 +1,9 @@
-"""Looks for inputs that break what they are given to, with guidance by coverage.
+"""Search for inputs that break a target, guided by coverage.
 
-Targets in C++ are linked with libFuzzer by Clang; those in Python are run by atheris, with the
-native module built so that the fuzzer sees its branches too; that takes an installation which is
-not editable. Each begins from its folder in
-`corpus`. An input that breaks a target is kept in `build/fuzz/found/TARGET` and fails the run.
+Clang links C++ targets with libFuzzer. atheris runs Python targets, with a native module that shows
+its branches to the fuzzer; this needs an installation that is not editable. Each target starts from
+its folder in `corpus`. An input that breaks a target is kept in `build/fuzz/found/TARGET` and fails
+the run.
 
 Run: python tests/fuzz/fuzzing.py [--seconds N] [TARGET ...]
 """
@@ -38,7 +38,7 @@ def build(source: Path, folder: Path, **options: str) -> None:
 
 
 def main() -> int:
-    """Run the targets one after the other; 1 if any of them broke."""
+    """Run the targets one after the other; return 1 if any of them broke."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("targets", nargs="*", choices=[[], *NATIVE, *PYTHON], metavar="TARGET")
     parser.add_argument("--seconds", type=int, default=60, help="of each target (default: 60)")
@@ -63,7 +63,7 @@ def main() -> int:
 
 
 def run(target: str, seconds: int) -> bool:
-    """Run a target, and print how often it ran and what it reached; whether nothing broke."""
+    """Run a target, and print its runs and its coverage; return whether nothing broke."""
     grown, found = BUILD / "grown" / target, BUILD / "found" / target
     for folder in (grown, found):
         folder.mkdir(parents=True, exist_ok=True)

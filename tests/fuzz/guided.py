@@ -1,4 +1,4 @@
-"""Runs one target of Python under atheris: python guided.py TARGET [options of libFuzzer]."""
+"""Run one target of Python under atheris: python guided.py TARGET [options of libFuzzer]."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ MODULE = HERE.parent.parent / "build" / "fuzz" / "module"
 
 
 def guide_native() -> None:
-    """Make the module whose branches the fuzzer sees the one that `rtamt` imports."""
-    # It finds the counters of the fuzzer among the names that are global.
+    """Let `rtamt` import the module whose branches the fuzzer sees."""
+    # It finds the counters of the fuzzer among the global names.
     fuzzer = importlib.util.find_spec("atheris.core_with_libfuzzer")
     assert fuzzer is not None
     assert fuzzer.origin is not None
@@ -36,7 +36,9 @@ def main() -> None:
     with atheris.instrument_imports(include=["rtamt", "rtamt_gym", "fuzz_targets"]):
         from fuzz_targets import TARGETS
 
-        for path in (HERE / "corpus" / name).iterdir():  # what is imported when it is needed
+        for path in (
+            HERE / "corpus" / name
+        ).iterdir():  # these modules are imported at their first use
             TARGETS[name](path.read_bytes())
     import rtamt
 

@@ -37,7 +37,7 @@ def test_units_of_the_fuzzers_are_what_is_exported(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def replayers() -> Path:
-    """The programs in C++, built with sanitizers."""
+    """Return the C++ programs, built with sanitizers."""
     search = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
     environment = os.environ | {"PATH": search}
     source = str(HERE / "native")

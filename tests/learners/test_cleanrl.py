@@ -1,4 +1,4 @@
-"""The loop of CleanRL reads what the wrappers give; the program is an example."""
+"""The loop of CleanRL reads the results of the wrappers; the program is an example."""
 
 from pathlib import Path
 from typing import Any

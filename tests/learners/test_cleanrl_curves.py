@@ -30,7 +30,7 @@ Points = dict[float, float]
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, Any], Rides]]:
-    """The program of CleanRL with the recipes of both pages, in the current folder."""
+    """Return the program of CleanRL with the recipes of both pages, in the current folder."""
     folder = tmp_path_factory.mktemp("curves")
     program = programs()["CleanRL"]
     begin = program.index(PRINTED)
@@ -40,7 +40,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str
     setup = BEGIN + own["Weights & Biases, without a network"] + WRITER
     program = setup + program[:begin] + logged + program[end:] + "writer.close()\nwandb.finish()\n"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("WANDB_MODE", "offline")  # so that the end of the test sets it back
+        patch.setenv("WANDB_MODE", "offline")  # the end of the test restores it
         patch.setenv("WANDB_SILENT", "true")
         for kind in ("CACHE", "CONFIG", "DATA", "ARTIFACT"):
             patch.setenv(f"WANDB_{kind}_DIR", str(folder / "wandb"))
@@ -49,7 +49,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str
 
 
 def by_hand(program: dict[str, Any], rides: Rides) -> dict[str, Points]:
-    """The curves of the training, from what the environments returned."""
+    """Return the curves of the training, from the results of the environments."""
     own = [env.unwrapped for env in program["envs"].envs]
     ended: list[tuple[int, int, Ride]] = []
     for index, env in enumerate(own):
@@ -78,7 +78,7 @@ def test_event_files_of_the_loop_hold_the_curves(trained: tuple[dict[str, Any], 
 
 
 def records_of(path: Path) -> Iterator[bytes]:
-    """The records of a file of W&B: a log of LevelDB in blocks, after seven bytes."""
+    """Return the records of a W&B file: a log of LevelDB in blocks, after seven bytes."""
     data, at, parts = path.read_bytes(), 7, b""
     while at + 7 <= len(data):
         room = 32768 - at % 32768
@@ -88,7 +88,7 @@ def records_of(path: Path) -> Iterator[bytes]:
         _, length, kind = struct.unpack_from("<IHB", data, at)
         parts += data[at + 7 : at + 7 + length]
         at += 7 + length
-        if kind in (1, 4):  # a whole record, or its last part
+        if kind in (1, 4):  # a complete record, or its last part
             yield parts
             parts = b""
 

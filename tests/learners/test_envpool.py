@@ -30,7 +30,7 @@ def actions(num: int, steps: int) -> Any:  # noqa: ANN401
 
 @contextmanager
 def recorded() -> Iterator[list[Any]]:
-    """What EnvPool's own ``reset`` and ``step`` return."""
+    """Record the results of EnvPool's own ``reset`` and ``step``."""
     shown: list[Any] = []
     reset, step = EnvPoolMixin.reset, EnvPoolMixin.step
 
@@ -49,7 +49,7 @@ def recorded() -> Iterator[list[Any]]:
 
 
 def rides_of(shown: list[Any]) -> list[Ride]:
-    """The episodes that ended, in the order of their ends: told by ``elapsed_step`` alone."""
+    """Return the complete episodes in the order of their ends, from ``elapsed_step`` only."""
     (obs, info), *steps = shown
     num = len(obs)
     rides = [Ride(entry, [float(obs[entry, 0])]) for entry in range(num)]

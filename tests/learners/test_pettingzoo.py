@@ -1,4 +1,4 @@
-"""PettingZoo takes a monitored environment for one of its own."""
+"""PettingZoo accepts a monitored environment as one of its own."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from programs import run
 
 from rtamt_gym import ParallelStlMonitor
 
-with warnings.catch_warnings():  # its tests import an environment in a way that it gives up
+with warnings.catch_warnings():  # its tests import an environment in a deprecated way
     warnings.simplefilter("ignore", DeprecationWarning)
     from pettingzoo.test import parallel_api_test, parallel_seed_test
 

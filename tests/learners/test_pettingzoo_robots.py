@@ -1,4 +1,4 @@
-"""PettingZoo takes the two service robots for a parallel environment of its own."""
+"""PettingZoo accepts the two service robots as a parallel environment of its own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rtamt_envs.two_service_robots import parallel_env
 
 from rtamt_gym import ParallelStlMonitor
 
-with warnings.catch_warnings():  # its tests import an environment in a way that it gives up
+with warnings.catch_warnings():  # its tests import an environment in a deprecated way
     warnings.simplefilter("ignore", DeprecationWarning)
     from pettingzoo.test import parallel_api_test, parallel_seed_test
 

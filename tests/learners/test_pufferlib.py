@@ -104,7 +104,7 @@ def test_a_monitor_around_each_environment_ends_episodes_in_the_shared_arrays() 
 class Walkers(pufferlib.PufferEnv):  # type: ignore[misc]  # PufferLib is not annotated
     """A native environment: walkers on a line, reset in the step that takes them 3 from its middle.
 
-    PufferLib's own ones in C do nothing in the wheel: their ``step`` is one of the C library.
+    PufferLib's own environments in C do nothing in the wheel: their ``step`` is from the C library.
     """
 
     def __init__(self, num: int) -> None:
@@ -168,7 +168,7 @@ def test_the_loop_counts_what_a_hand_count_gives(tmp_path: Path) -> None:
     steps = program["iterations"] * program["num_steps"] * program["num_envs"]
     ended = rides.ended(early=False)
     told = len(program["satisfied"])
-    # The result of the last send is still to be received.
+    # Receive the result of the last send.
     assert len(ended) - program["num_envs"] <= told <= len(ended)
     assert program["satisfied"] == [float(ride.success) for ride in ended[:told]]
     assert program["robustness"] == pytest.approx([min(ride.margins) for ride in ended[:told]])

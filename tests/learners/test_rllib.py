@@ -1,4 +1,4 @@
-"""RLlib's env runners read what the wrappers give; the program is an example."""
+"""RLlib's env runners read the results of the wrappers; the program is an example."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from programs import Rides, counts_of, run, shares_of, watched
 
-# RLlib registers its environment anew for the runners of evaluations.
+# RLlib registers its environment again for the runners of evaluations.
 pytestmark = pytest.mark.filterwarnings("ignore:.*Overriding environment rllib:UserWarning")
 
 
 @pytest.fixture(scope="module")
 def program_and_rides() -> Iterator[tuple[dict[str, Any], Rides]]:
-    # Ray writes to the home and to a folder of its own, whose path has to be short for sockets.
+    # Ray writes to the home and to a folder of its own, which needs a short path for sockets.
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOME", folder)
         patch.setenv("RAY_TMPDIR", folder)

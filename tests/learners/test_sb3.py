@@ -48,7 +48,7 @@ def learner(envs: VecEnv) -> Any:  # noqa: ANN401
 
 
 def robustness_reward(ride: Ride) -> float:
-    """What ``StlReward`` adds in an episode: after each step the least margin so far."""
+    """Return the rewards of ``StlReward`` in an episode: after each step the minimum so far."""
     return sum(list(accumulate(ride.margins, min))[1:])
 
 
@@ -61,10 +61,10 @@ def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) 
     metrics = {**shares_of(trained[-100:]), **counts_of(trained), **cost_of(trained[-100:])}
     assert callback.training.metrics() == pytest.approx(metrics)
     own = {ride.env for ride in trained}
-    # Evaluations read whole episodes: a violation does not end them.
+    # Evaluations read complete episodes: a violation does not end them.
     others = [ride for ride in rides.ended(early=False) if ride.env not in own]
     scores, last = [score(others[at : at + 20]) for at in (0, 20, 40, 60)], others[80:130]
-    assert len(others) == 131  # one more for the worst episode, which is played again
+    assert len(others) == 131  # one more for the worst episode, which is run again
     assert [steps for steps, _ in callback.evaluations] == [512, 1024, 1536, 2048]
     assert [found.success.satisfied for _, found in callback.evaluations] == [
         good for good, _ in scores
@@ -138,7 +138,7 @@ def test_processes_of_their_own_give_the_same_infos() -> None:
             assert info["robustness"] == min(margins[index])
             assert info["cost"] == float(margins[index][-1] <= 0)
             if done:
-                # A step that ends in time with an upright pole, and inside.
+                # A step that ends in time with an upright pole inside.
                 upright = abs(row[2]) <= 12 * np.pi / 180
                 assert info["is_success"] == (upright and min(margins[index]) > 0)
                 assert info["episode"]["l"] == len(margins[index]) - 1

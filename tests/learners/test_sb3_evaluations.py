@@ -1,4 +1,4 @@
-"""How the callback of Stable-Baselines3 evaluates: against the learner's own environments."""
+"""Evaluations of the callback of Stable-Baselines3, against the learner's own environments."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def callback(folder: Path, env: Any = monitored, **more: Any) -> SatisfactionCal
 
 
 def rides_of(model: Any, around: Any, statistics: Path | None) -> list[Ride]:  # noqa: ANN401
-    """The episodes of a model in the learner's own wrappers, on the seeds of evaluations."""
+    """Return the episodes of a model in the learner's own wrappers, on the seeds of evaluations."""
     venv: VecEnv = DummyVecEnv([plain])
     if statistics is not None:
         venv = VecNormalize.load(str(statistics), venv)
@@ -173,7 +173,7 @@ def test_training_stops_at_a_policy_that_meets_the_target(
     assert used.confirmed is not None
     assert used.confirmed.decision == "meets 0.7"
     assert used.best.evaluation is last
-    # The evaluations share their seeds; no test uses their seeds or another test's.
+    # The evaluations share their seeds with no other test.
     shared = list(range(500, 500 + EPISODES))
     own = [seed for seed in seeds if seed not in shared]
     assert len(seeds) - len(own) == EPISODES * len(used.evaluations)

@@ -1,4 +1,4 @@
-"""The experiments on learning train, judge and tell, with a budget that teaches nothing."""
+"""The experiments on learning train, evaluate and report, with a very small budget."""
 
 import csv
 import dataclasses
@@ -140,7 +140,7 @@ def test_a_learner_sees_the_last_observation_and_the_next_episode() -> None:
     ]
     assert found[0][3] == [{}, {}]
     assert found[1][3] == [{}, {"terminal_observation": [2.0], "TimeLimit.truncated": True}]
-    # One that ends for both reasons is over: nothing is to be added for what would come.
+    # An episode that ends for both reasons is over: no value of the future is added.
     assert found[2][3] == [{"terminal_observation": [3.0], "TimeLimit.truncated": False}, {}]
 
 

@@ -1,4 +1,4 @@
-"""Stable-Baselines3 takes what the wrappers give."""
+"""Stable-Baselines3 accepts the results of the wrappers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rtamt_gym.judging.end_warnings import UnseenEndWarning
 from rtamt_gym.systems.policies import policy_of
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
-"""The keys that every last info has."""
+"""The keys of every last info."""
 
 
 def shaped(**arguments: Any) -> Env:  # noqa: ANN401
@@ -30,12 +30,13 @@ def shaped(**arguments: Any) -> Env:  # noqa: ANN401
     )
 
 
-# The checker wants the reward of a goal environment from compute_reward, which knows no past.
+# The checker requires that compute_reward returns the reward of a goal environment, without its
+# past.
 STEPWISE = [case for case in CASES if "parking" not in case.env_id]
 
 
 @pytest.mark.parametrize("case", STEPWISE, ids=lambda case: case.env_id.split(":")[-1])
-@pytest.mark.filterwarnings("ignore::UserWarning")  # advice about environments that are not ours
+@pytest.mark.filterwarnings("ignore::UserWarning")  # advice about environments of others
 def test_its_checker_finds_no_fault(case: Any) -> None:  # noqa: ANN401
     from stable_baselines3.common.env_checker import check_env
 
@@ -97,7 +98,7 @@ def test_a_learner_trains_on_the_state_of_the_monitor_and_counts_successes(kind:
     learner = PPO(policy, envs, n_steps=64, batch_size=32, n_epochs=1, seed=1, device="cpu")
     learner.learn(256)
     assert set(KEYS) <= learner.ep_info_buffer[-1].keys()
-    # Successes and failures that are certain, out of all the episodes that ended.
+    # Certain successes and failures, divided by all complete episodes.
     assert set(learner.ep_success_buffer) <= {True, False}
     assert len(learner.ep_success_buffer) > 0
     envs.close()
@@ -162,7 +163,7 @@ def test_a_saved_model_that_learned_from_goals_needs_no_memory_to_act(tmp_path: 
 
 
 def limited(*, outside: bool) -> Any:  # noqa: ANN401
-    """A monitored pole with a time limit and the `Monitor` of Stable-Baselines3 around all."""
+    """Return a monitored pole with a time limit, in the `Monitor` of Stable-Baselines3."""
     from stable_baselines3.common.monitor import Monitor
 
     pole = gym.make("CartPole-v1").unwrapped

@@ -1,4 +1,4 @@
-"""A policy sees in an evaluation what it sees in training."""
+"""A policy gets the same observations in an evaluation as in training."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DICT = spaces.Dict({"near": BOX, "far": spaces.Box(-1, 1, (2,), np.float32)})
 
 
 class Drawn(gym.Env[Any, Any]):
-    """Observations that are drawn, episodes of any length; the newest observation is kept."""
+    """Random observations, episodes of any length; the newest observation is kept."""
 
     action_space = spaces.Discrete(2)
 
@@ -49,7 +49,7 @@ class Drawn(gym.Env[Any, Any]):
 
 
 class Seen:
-    """A model that acts on nothing, and keeps what it is shown."""
+    """A model that does not act, and keeps its observations."""
 
     action_space = spaces.Discrete(2)
 
@@ -86,7 +86,7 @@ def equal(found: Any, expected: Any) -> bool:  # noqa: ANN401
 
 
 def row(observation: Any, i: int) -> Any:  # noqa: ANN401
-    """Row i of a batch, as a batch."""
+    """Return row i of a batch, as a batch."""
     if isinstance(observation, dict):
         return {key: part[i : i + 1] for key, part in observation.items()}
     return observation[i : i + 1]
@@ -105,7 +105,7 @@ def test_a_model_is_shown_what_the_wrappers_of_training_show(case: str) -> None:
     shown = venv.reset()
     number = 0
     for step in range(80):
-        if step == 40:  # training goes on before; its statistics stay in an evaluation
+        if step == 40:  # training continues before it; its statistics stay fixed in an evaluation
             frozen(venv)
         if step >= 40:
             raw = [env.raw for env in envs]
@@ -115,11 +115,11 @@ def test_a_model_is_shown_what_the_wrappers_of_training_show(case: str) -> None:
                 else np.stack(raw)
             )
             actions, states[2] = together.predict(stack, states[2], starts, deterministic=True)
-            if number > 5:  # stacks were empty at the beginning
+            if number > 5:  # stacks were empty at the start
                 assert equal(model.shown, shown)
                 assert actions.shape == (2,)
                 assert model.starts.tolist() == starts.tolist()
-                assert states[2][1] == number + 1  # the memory of the model is handed on
+                assert states[2][1] == number + 1  # the memory of the model is passed on
             for i in range(2):
                 action, states[i] = alone[i].predict(raw[i], states[i], starts[i : i + 1])
                 assert np.shape(action) == ()
@@ -130,7 +130,7 @@ def test_a_model_is_shown_what_the_wrappers_of_training_show(case: str) -> None:
 
 
 def frozen(venv: VecEnv) -> None:
-    """Stops the statistics of a vector environment."""
+    """Freeze the statistics of a vector environment."""
     while isinstance(venv, VecEnvWrapper):
         if isinstance(venv, VecNormalize):
             venv.training = False

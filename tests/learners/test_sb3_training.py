@@ -1,4 +1,4 @@
-"""What the callback of Stable-Baselines3 logs of training: against counts by hand."""
+"""The training log of the callback of Stable-Baselines3, against counts by hand."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def learner(kind: str, envs: VecEnv, folder: Path, *formats: str) -> Any:  # noq
 
 
 def rows(folder: Path) -> list[dict[str, float]]:
-    """The rows of the CSV file that the logger has written, without empty cells."""
+    """Return the rows of the logger's CSV file, without empty cells."""
     with (folder / "progress.csv").open(encoding="utf-8") as file:
         table = list(csv.DictReader(file))
     return [{key: float(cell) for key, cell in row.items() if cell} for row in table]
@@ -75,7 +75,7 @@ def stl(row: dict[str, float]) -> dict[str, float]:
 
 
 def by_hand(rides: list[Ride], steps: float) -> dict[str, float]:
-    """What is logged after so many steps of all environments."""
+    """Return the expected log after a number of steps of all environments."""
     ended = [ride for ride in rides if ride.last_step <= steps]
     return {**shares_of(ended[-WINDOW:]), **counts_of(ended)}
 

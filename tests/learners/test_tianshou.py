@@ -1,4 +1,4 @@
-"""Tianshou's collector reads what the wrappers give; the program is an example."""
+"""Tianshou's collector reads the results of the wrappers; the program is an example."""
 
 from typing import Any
 

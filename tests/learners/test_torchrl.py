@@ -1,4 +1,4 @@
-"""TorchRL reads what the wrappers give; the program is an example."""
+"""TorchRL reads the results of the wrappers; the program is an example."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ def program_and_rides(
 
 
 def trained(program: dict[str, Any], rides: Rides) -> tuple[list[Ride], list[Ride]]:
-    """The episodes of the rollouts, and the episodes of the evaluations."""
+    """Return the episodes of the rollouts, and the episodes of the evaluations."""
     own = program["env"].unwrapped
     ended = rides.ended(early=False)
     inside = [ride for ride in ended if ride.env is own]

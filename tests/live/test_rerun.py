@@ -1,4 +1,4 @@
-"""The contents of a live view, read back from its file, and its viewer."""
+"""The contents of a live view, read from its file, and its viewer."""
 
 import doctest
 import io
@@ -56,7 +56,7 @@ def cart(**keywords: Any) -> gym.Env[Any, Any]:
 def expected_curves(
     spec: str, columns: Mapping[str, Sequence[float]], end: End | None
 ) -> list[tuple[float, float, float]]:
-    """Robustness and bounds of a monitor of its own after each sample; the last after the end."""
+    """Return robustness and bounds of a separate monitor after each sample and the end."""
     monitor = rtamt.EpisodeMonitor(spec, period="0.02")
     curves = []
     for row in zip(*(columns[name] for name in monitor.variables), strict=True):
@@ -69,7 +69,7 @@ def expected_curves(
 
 
 def episodes(points: Sequence[Point]) -> list[list[float]]:
-    """The values of each episode; the samples are without gaps, 0.02 s apart."""
+    """Return the values of each episode; samples are 0.02 s apart, without gaps."""
     assert [point.sample for point in points] == [*range(len(points))]
     assert [point.time for point in points] == pytest.approx(0.02 * np.arange(len(points)))
     groups = [(number, list(some)) for number, some in groupby(points, lambda p: p.episode)]
@@ -416,7 +416,9 @@ def test_ended_viewer_is_detached(path: Path, viewed: RerunView) -> None:
 
 def connect_until_refused(port: int) -> None:
     for _ in range(100_000):
-        with suppress(TimeoutError, ConnectionResetError):  # a viewer that ends resets what waits
+        with suppress(
+            TimeoutError, ConnectionResetError
+        ):  # a viewer that ends resets waiting connections
             socket.create_connection(("127.0.0.1", port), 1.0).close()
 
 

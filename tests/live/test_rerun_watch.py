@@ -1,4 +1,4 @@
-"""`rtamt watch --rerun`: the view has what the lines have, and the lines stay as they are."""
+"""`rtamt watch --rerun`: the view contains the data of the lines, and the lines do not change."""
 
 import json
 import math
@@ -74,7 +74,7 @@ def test_view_equals_the_lines(mode: str, capsys: Output, stream: Path, tmp_path
         assert [point.value for point in points] == [float(row[place]) for row in rows[:count]]
         assert [point.time for point in points] == [float(row[0]) for row in rows[:count]]
         assert [point.sample for point in points] == [*range(count)]
-    if mode == "instants":  # the lines are about instants, the curves about all of them
+    if mode == "instants":  # the lines show some instants, the curves all
         options = ()
     _, every = watched(capsys, stream, *options, "--every")
     expected: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)

@@ -1,4 +1,4 @@
-"""What a mutant changes, the same in Python and in C++, and what names it."""
+"""The changes of mutants, the same in Python and in C++, and their names."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
-# An operator, and what stands for it in a mutant.
+# An operator, and its replacements in mutants.
 ARITHMETIC: Final = {"+": "-", "-": "+", "*": "/", "/": "*", "//": "/", "%": "*", "**": "*"}
 BITS: Final = {"&": "|", "|": "&", "<<": ">>", ">>": "<<", "^": "&"}
 COMPARISONS: Final = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
@@ -18,7 +18,7 @@ NATIVE_LOGIC: Final = {"&&": "||", "||": "&&"}
 
 @dataclass(frozen=True, order=True)
 class Site:
-    """One change of one place: from a line and column (of 1 and 0) to others."""
+    """A change of a place: from a line and column (counted from 1 and 0) to another."""
 
     line: int
     column: int
@@ -28,9 +28,9 @@ class Site:
 
 
 def told_apart(sites: Iterable[Site]) -> dict[Site, Site]:
-    """Each site, in the order of the source, with a change that says which one of its line it is.
+    """Return the sites in the order of the source, with changes that are unique on a line.
 
-    Of two that are alike on one line the second is ``0 to 1 at 2``.
+    The second of two equal changes on a line is ``0 to 1 at 2``.
     """
     times: Counter[tuple[int, str]] = Counter()
     told = {}
@@ -44,10 +44,10 @@ def told_apart(sites: Iterable[Site]) -> dict[Site, Site]:
 
 @dataclass(frozen=True)
 class Mutant:
-    """A site in a file, with the number that turns it on.
+    """A site in a file, with the number that activates it.
 
     Attributes:
-        path: Of the file, from the root of the checkout.
+        path: The path of the file from the root of the checkout.
         text: The line of the source, without indentation.
     """
 

@@ -1,4 +1,4 @@
-"""What is mutated, and the tests that cover it."""
+"""The mutated sources, and the tests that cover them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-# What ANTLR writes, and the script that has it written: it runs where Java is, and `.ci/run`
-# compares what it gives with the committed files.
+# The output of ANTLR, and the script that runs it: it needs Java, and `.ci/run` compares its output
+# with the committed files.
 _LEFT_OUT: Final = {"generated", "generate.py"}
 
 
@@ -18,9 +18,9 @@ class Covering:
 
     Attributes:
         tests: Files and folders for pytest.
-        left_out: What of them is not run: it builds programs of its own, which have no mutants.
-        backend: Tests that run the machines of another back-end alone are not run; None: all are.
-        suite: The suite of `tests/conftest.py` that the tests are taken from, with its profile.
+        left_out: Tests to skip, because they build programs of their own without mutants.
+        backend: Skip tests that run only the machines of another back-end; None runs all.
+        suite: The suite of `tests/conftest.py` with these tests, and its profile.
     """
 
     tests: tuple[str, ...]
@@ -31,11 +31,11 @@ class Covering:
 
 @dataclass(frozen=True)
 class Folder:
-    """Sources that one sample is drawn from.
+    """Sources of one sample.
 
     Attributes:
-        sources: Files, and folders with all that is in them.
-        own: The tests that are tried where an import is changed, which every test reaches.
+        sources: Files, and folders with all their files.
+        own: The tests for changes of an import, which every test reaches.
         size: The number of mutants in the sample.
     """
 
@@ -46,7 +46,7 @@ class Folder:
     size: int = 100
 
     def paths(self, root: Path) -> Iterator[str]:
-        """The files, from the root, in the order of their names."""
+        """The files from the root, sorted by name."""
         for source in self.sources:
             found = root / source
             for path in sorted(found.rglob("*")) if found.is_dir() else [found]:
@@ -60,11 +60,11 @@ class Folder:
 
 
 _FILES: Final = ("dense", "errors", "internal", "lazy", "limits", "renamed", "typing")
-"""Modules of `rtamt` that belong to no folder."""
+"""Modules of `rtamt` outside its folders."""
 
 
 def _files(folder: str, *of: str) -> Iterator[str]:
-    """The files of tests with these names in a folder."""
+    """Return the test files with these names in a folder."""
     return (f"{folder}/test_{name}.py" for name in of)
 
 
@@ -91,7 +91,7 @@ _MACHINES: Final = Covering(
         ),
     ),
 )
-# The folders in Python have fewer tests each: those that were written for them.
+# The folders in Python have fewer tests each: their own tests.
 _PROGRAMS: Final = Covering(
     (
         "tests/rtamt/program",
@@ -128,7 +128,7 @@ _ANSWERS: Final = Covering(
             *("properties", "triggers", "unknown_entries", "vector", "vector_errors"),
         ),
         "tests/rtamt/language/test_table.py",  # it explains operators made of operators
-        "tests/rtamt/program/test_align.py",  # it explains bounds that were rounded
+        "tests/rtamt/program/test_align.py",  # it explains rounded bounds
         "rtamt/monitors",
     ),
     backend="python",
@@ -161,14 +161,14 @@ _STATISTICS: Final = Covering(
 
 
 def _room(package: str, room: str, *tests: str, left_out: tuple[str, ...] = ()) -> Folder:
-    """A room of a package, with the tests that have its name and further ones."""
+    """Return a room of a package, with the tests that have its name and further ones."""
     own = f"tests/{package}/{room}" if room else f"tests/{package}"
     source = f"{package}/{room}" if room else package
     return Folder(source, (source,), Covering((own, source, *tests), left_out), (own,), size=30)
 
 
 def _arrays(name: str, library: str, *sources: str) -> Folder:
-    """Sources that the tests of one library of arrays run; their group installs the library."""
+    """Return sources for the tests of one array library; their group installs the library."""
     covering = Covering((f"tests/arrays/test_{library}.py",))
     return Folder(name, sources, covering, covering.tests, size=30)
 
@@ -184,7 +184,7 @@ _TOP: Final = ("demo", "drawing", "markup", "success", "tables", "testing")
 _CAMPAIGNS: Final = "tests/rtamt_gym/search"
 _RUNS: Final = "tests/rtamt_gym/play"
 
-# What the quick suite has to kill: everything that the bare command runs.
+# The mutants that the quick suite must kill: all code of the bare command.
 QUICK: Final = Covering(("tests", "rtamt", "rtamt_gym", "rtamt_ros", "envs"), suite="quick")
 
 FOLDERS: Final = {

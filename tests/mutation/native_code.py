@@ -1,7 +1,7 @@
 """Mutants of C++, all in one build: ``(mutant(17) ? (mutated) : (original))``.
 
-A place where only a constant may stand has none. What does not compile is found by the compiler,
-and left out of the next build.
+A place that needs a constant has no mutant. The compiler finds mutants that do not compile, and the
+next build omits them.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ HEADER: Final = Path(__file__).with_name("mutants.hpp")
 _PARSER: Final = Parser(Language(tree_sitter_cpp.language()))
 _CHANGED: Final = ARITHMETIC | BITS | COMPARISONS | NATIVE_LOGIC
 
-# One side of these is a truth value, and the other may be what only counts as one: an optional that
-# is made of `false` holds it, and would count as true.
+# One side of these is a boolean, and the other may only convert to one: an optional made of `false`
+# contains it, and would be true.
 _TRUTHS: Final = {"not removed", "condition negated"}
 
-# Here stand types and constants of the compiler.
+# Types and constants of the compiler stand here.
 _CONSTANT: Final = {
     "ERROR",
     "alignas_qualifier",
@@ -59,7 +59,7 @@ _NUMBER: Final = re.compile(r"\bmutant\((\d+)\)")
 
 
 class Reached:
-    """The mutants of a loaded library: which is on, and which places were reached."""
+    """The mutants of a loaded library: the active one, and the places that ran."""
 
     def __init__(self, path: Path, count: int) -> None:
         library = ctypes.CDLL(str(path))
@@ -67,22 +67,22 @@ class Reached:
         self._reached = (ctypes.c_ubyte * count).in_dll(library, "mutants_reached")
 
     def begin(self, on: int | None = None) -> None:
-        """Turn a mutant on, or none, and forget what was reached."""
+        """Activate a mutant or none, and forget the places that ran."""
         self._on.value = -1 if on is None else on
         ctypes.memset(self._reached, 0, len(self._reached))
 
     def reached(self) -> set[int]:
-        """The numbers of the places that have run since `begin`."""
+        """Return the numbers of the places that have run since `begin`."""
         return {number for number, was in enumerate(bytes(self._reached)) if was}
 
 
 def sites(source: str) -> list[Site]:
-    """Every change that a mutant can make, in the order of the source."""
+    """Return every change that a mutant can make, in the order of the source."""
     return list(_mutants(source.encode()))
 
 
 def rewritten(source: str, numbers: Mapping[Site, int]) -> str:
-    """The source with these mutants in it, each turned on by its number."""
+    """Return the source with these mutants, each activated by its number."""
     text = source.encode()
     made: dict[tuple[int, int], list[tuple[int, str]]] = {}
     truths: set[int] = set()
@@ -96,7 +96,7 @@ def rewritten(source: str, numbers: Mapping[Site, int]) -> str:
                 truths.add(number)
             if node.type == "expression_statement":
                 statements.add(place)
-    # From the inside out: what lies within another is part of what the other leaves as it is.
+    # From the inside out, because a mutant contains the original of others inside it.
     order = sorted(made, key=lambda place: (place[1] - place[0], place in statements))
     return _rendered(text, order, made, truths, statements)
 
@@ -138,7 +138,7 @@ def _site(node: Node, change: str) -> Site:
 
 
 def _mutants(text: bytes) -> dict[Site, tuple[Node, str]]:
-    """The node of each mutant, and what it becomes."""
+    """Return the node of each mutant, and its replacement."""
     found = {_site(node, change): (node, mutated) for node, change, mutated in _all_mutated(text)}
     return {told: found[site] for site, told in told_apart(found).items()}
 
@@ -153,7 +153,7 @@ def _all_mutated(text: bytes) -> Iterator[tuple[Node, str, str]]:
 
 
 def _is_constant(node: Node) -> bool:
-    """Whether the compiler knows the value: of a constant, of a case, of `if constexpr`."""
+    """Return whether the compiler knows the value of a constant, a case or an `if constexpr`."""
     if node.type in {"declaration", "field_declaration"}:
         return any(_source(child) == "constexpr" for child in node.children)
     parent = node.parent
@@ -167,7 +167,7 @@ def _is_constant(node: Node) -> bool:
 
 
 def _is_label(node: Node) -> bool:
-    """Whether a statement of a `switch` lies before its cases: a macro that writes them."""
+    """Return whether a statement of a `switch` precedes its cases: a macro that writes them."""
     parent = node.parent
     return (
         node.type == "expression_statement"
@@ -182,7 +182,7 @@ def _source(node: Node) -> str:
 
 
 def _mutated(node: Node) -> Iterator[tuple[Node, str, str]]:
-    """Each change of this node alone, with what it becomes."""
+    """Return each change of this node, with its replacement."""
     match node.type:
         case "binary_expression" | "assignment_expression":
             left, operator, right = (
@@ -236,7 +236,7 @@ def write(sources: Path, into: Path, numbers: Mapping[str, Mapping[Site, int]], 
 
 
 def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int]]:
-    """The library of these sources; or None, and the mutants that do not compile."""
+    """Return the library of these sources, or None and the mutants that do not compile."""
     options = {
         "CMAKE_BUILD_TYPE": "Debug",
         "CMAKE_CXX_FLAGS": (
@@ -265,7 +265,7 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
     if done.returncode == 0:
         (path,) = folder.glob("_native.*")
         units = Path(__file__).parents[2] / "rtamt" / "rtamt_monitor.so"
-        if units.is_file():  # the export of FMUs looks for it beside the module
+        if units.is_file():  # the export of FMUs looks for it next to the module
             shutil.copy(units, folder)
         return path, set()
     refused = set(_refused(done.stdout, folder))
@@ -274,7 +274,7 @@ def build(sources: Path, folder: Path, count: int) -> tuple[Path | None, set[int
 
 
 def _refused(said: str, folder: Path) -> Iterator[int]:
-    """The mutants on the lines that a compiler names in its errors."""
+    """Return the mutants on the lines that a compiler names in its errors."""
     for path, line in set(_ERROR.findall(said)):
         source = (folder / path).resolve()
         if source.is_file():

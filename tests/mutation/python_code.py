@@ -1,7 +1,7 @@
 """Mutants of Python, all in one program: ``mutated if __mutants__[17] else original``.
 
-`Choices` stands for the name `__mutants__` in builtins. A mutant is chosen before the module is
-imported, or later; the source lines, which tests count, stay what they are.
+`Choices` is the object `__mutants__` in builtins. A mutant is chosen before or after the import of
+the module. Source lines, which tests count, do not change.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _CHANGED: Final = ARITHMETIC | BITS | COMPARISONS | PYTHON_COMPARISONS | PYTHON_
 
 
 class Choices(dict[int, bool]):
-    """Which mutant is on, and which places were reached since `begin`."""
+    """The active mutant, and the places that have run since `begin`."""
 
     def __init__(self) -> None:
         self._on: int | None = None
@@ -70,23 +70,23 @@ class Choices(dict[int, bool]):
         return False
 
     def begin(self, on: int | None = None) -> None:
-        """Turn a mutant on, or none, and forget what was reached."""
+        """Activate a mutant or none, and forget the places that ran."""
         self.clear()
         if on is not None:
             self[on] = True
 
     def reached(self) -> set[int]:
-        """The numbers of the places that have run since `begin`."""
+        """Return the numbers of the places that have run since `begin`."""
         return set(self)
 
 
 def sites(source: str) -> list[Site]:
-    """Every change that a mutant can make, in the order of the source."""
+    """Return every change that a mutant can make, in the order of the source."""
     return list(_told_sites(source).values())
 
 
 def rewritten(source: str, numbers: Mapping[Site, int]) -> ast.Module:
-    """The module with these mutants in it, each turned on by its number."""
+    """Return the module with these mutants, each activated by its number."""
     tree = ast.parse(source)
     places = {site: numbers[told] for site, told in _told_sites(source).items() if told in numbers}
     _Rewriter(places).visit(tree)
@@ -156,7 +156,7 @@ def _site(node: ast.AST, change: str) -> Site:
 
 
 def _either(number: int, mutated: ast.AST, original: ast.AST) -> ast.AST:
-    """A choice at run time, between two expressions or two statements."""
+    """Return a choice at run time between two expressions or two statements."""
     test = ast.Subscript(ast.Name("__mutants__", ast.Load()), ast.Constant(number), ast.Load())
     made: ast.AST
     if isinstance(original, ast.expr):
@@ -173,7 +173,7 @@ def _either(number: int, mutated: ast.AST, original: ast.AST) -> ast.AST:
 
 
 def _mutated(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
-    """Each change of this node alone, with what it becomes."""
+    """Return each change of this node, with its replacement."""
     match node:
         case ast.Compare():
             for place, operator in enumerate(node.ops):
@@ -204,7 +204,7 @@ def _mutated(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
 
 
 def _can_go(node: ast.AST) -> bool:
-    """Whether a program without this statement still binds its names."""
+    """Return whether a program without this statement still binds its names."""
     match node:
         case ast.Expr(value=ast.Call()) | ast.AugAssign() | ast.Raise():
             return True
@@ -214,7 +214,7 @@ def _can_go(node: ast.AST) -> bool:
 
 
 def _of_types(node: ast.AST) -> bool:
-    """Whether `int | None` is meant, or text is joined or repeated."""
+    """Return whether the operands are types, as in `int | None`, or texts."""
     return isinstance(node, ast.BinOp) and any(
         isinstance(side, ast.JoinedStr)
         or (isinstance(side, ast.Constant) and isinstance(side.value, str | bytes | None))
@@ -238,7 +238,7 @@ def _replaced(operators: Sequence[ast.cmpop], place: int, by: ast.AST) -> list[a
 
 
 class Loader(importlib.machinery.SourceFileLoader):
-    """Compiles a module with its mutants, past every cache of bytecode."""
+    """Compiles a module with its mutants, without any cache of bytecode."""
 
     def __init__(self, name: str, path: Path, numbers: Mapping[Site, int]) -> None:
         super().__init__(name, str(path))
@@ -251,7 +251,7 @@ class Loader(importlib.machinery.SourceFileLoader):
 
 
 class Finder(importlib.abc.MetaPathFinder):
-    """Finds modules with mutants before anyone else does.
+    """Finds modules with mutants before other finders.
 
     Args:
         numbers: For each path of a module, from `root`, its mutants.
@@ -283,16 +283,16 @@ class Finder(importlib.abc.MetaPathFinder):
         )
 
     def install(self) -> None:
-        """Put it first; what it finds must not be imported yet."""
+        """Install it as the first finder; its modules must not be imported yet."""
         assert self._modules.keys().isdisjoint(sys.modules)
         self.go_first()
 
     def go_first(self) -> None:
-        """Before what others have put first since."""
+        """Move it before finders that were installed since."""
         sys.meta_path[:] = [self, *(each for each in sys.meta_path if each is not self)]
 
 
 def module_name(path: str) -> str:
-    """The name that the file of a module is imported by."""
+    """Return the import name of a module's file."""
     name = path.removesuffix(".py").removesuffix("/__init__").removeprefix("envs/")
     return name.replace("/", ".")

@@ -1,13 +1,12 @@
-"""Tests the tests: changes one operator, constant, condition or statement; which test fails?
+"""Test the tests: change one operator, constant, condition or statement; which test fails?
 
 ``python tests/mutation/run.py [FOLDER ...] [--seed N] [--suite quick]`` draws a sample of mutants
-of each folder of `folders.py`, puts all of them into one build of the native module and one
-import of the Python modules, each off until its number is on, and tries one after the other
-(`trials.py`). It prints, for each folder, how many were killed with the 95 % interval of Clopper
-and Pearson, and each survivor. ``--suite quick`` tries all mutants on the tests of the bare
-command instead of those that are chosen for each folder. ``equivalent.toml`` names the survivors
-that no test can tell from the original, each with the reason: they are counted beside the others,
-and one that a test kills is an error.
+of each folder of `folders.py`. All mutants are in one build of the native module and one import of
+the Python modules, each inactive until its number is set, and are tried one after the other
+(`trials.py`). It prints, for each folder, the killed mutants with the 95 % interval of Clopper and
+Pearson, and each survivor. ``--suite quick`` uses the tests of the bare command instead of the
+tests chosen for each folder. ``equivalent.toml`` lists the survivors that behave like the original,
+each with the reason. They are counted separately, and it is an error if a test kills one.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _TRIALS: Final = Path(__file__).with_name("trials.py")
 
 
 def drawn(folder: Folder, root: Path, seed: int) -> list[Mutant]:
-    """A sample of the folder's mutants, in the order in which they are drawn; numbers are -1."""
+    """Return a sample of the folder's mutants, in the order of drawing; numbers are -1."""
     code = native_code if folder.native else python_code
     found = []
     for path in folder.paths(root):
@@ -53,7 +52,7 @@ def drawn(folder: Folder, root: Path, seed: int) -> list[Mutant]:
 
 
 def numbered(samples: Iterable[Sequence[Mutant]]) -> list[Mutant]:
-    """All samples in one list, each mutant with its place as its number."""
+    """Return all samples in one list, with the index of each mutant as its number."""
     mutants = [mutant for sample in samples for mutant in sample]
     return [
         Mutant(number, mutant.folder, mutant.path, mutant.site, mutant.text)
@@ -62,7 +61,7 @@ def numbered(samples: Iterable[Sequence[Mutant]]) -> list[Mutant]:
 
 
 def compiled(mutants: Sequence[Mutant]) -> tuple[Path | None, set[int]]:
-    """The library with the mutants of C++, if there are any, and those that do not compile."""
+    """Return the library with the mutants of C++, if any, and the mutants that do not compile."""
     native = [mutant for mutant in mutants if FOLDERS[mutant.folder].native]
     refused: set[int] = set()
     library = None
@@ -79,12 +78,12 @@ def compiled(mutants: Sequence[Mutant]) -> tuple[Path | None, set[int]]:
 
 
 def plain(mutant: Mutant) -> tuple[object, ...]:
-    """A mutant in a task of `trials.py`."""
+    """Return a mutant in a task of `trials.py`."""
     return mutant.number, mutant.path, astuple(mutant.site)
 
 
 def tried(mutants: Sequence[Mutant], covering: Covering, library: Path | None, count: int) -> Any:  # noqa: ANN401 - JSON
-    """What `trials.py` says of these mutants, with those that change an import tried alone."""
+    """Return the results of `trials.py`, with mutants of an import tried alone."""
     task: dict[str, Any] = {
         "root": str(ROOT),
         "mutants": [plain(mutant) for mutant in mutants],
@@ -122,13 +121,13 @@ def _asked(task: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
 
 
 def equivalents() -> dict[tuple[str, str, str], str]:
-    """The reason of each mutant that is known to be equivalent, by path, line and change."""
+    """Return the reason of each known equivalent mutant, by path, line and change."""
     known = tomllib.loads(_TRIALS.with_name("equivalent.toml").read_text(encoding="utf-8"))
     return {(row["path"], row["line"], row["change"]): row["reason"] for row in known["mutant"]}
 
 
 def main() -> None:
-    """Try samples and print what came of them."""
+    """Try samples and print the results."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -180,7 +179,7 @@ def report(
     known: Mapping[tuple[str, str, str], str],
     left_out: int,
 ) -> bool:
-    """Print what came of a folder's sample; whether `equivalent.toml` is wrong about a mutant."""
+    """Print the results of a folder's sample; return whether `equivalent.toml` is wrong."""
     killed, equivalent, survivors, wrong = 0, [], [], []
     for mutant in sample:
         reason = known.get((mutant.path, mutant.text, mutant.site.change))

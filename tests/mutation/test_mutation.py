@@ -1,4 +1,4 @@
-"""The mutator: what it changes in small modules and libraries, and what it says of tests."""
+"""The mutator: its changes in small modules and libraries, and its results for their tests."""
 
 import ctypes
 import json
@@ -65,7 +65,7 @@ def pytest_addoption(parser):
 
 
 def tried(root: Path, only: int | None = None) -> tuple[list[Mutant], Any]:
-    """What `trials.py` says of every mutant of the toy, numbered in the order of the source."""
+    """Return the result of `trials.py` for every mutant of the toy, in the order of the source."""
     sites = python_code.sites(MODULE)
     mutants = [
         Mutant(number, "toy", "toy.py", site, MODULE.splitlines()[site.line - 1].strip())
@@ -104,7 +104,7 @@ def test_mutants_of_a_toy_are_killed_or_survive_as_known(tmp_path: Path) -> None
     }
     assert found == {
         "2: 2 to 3": None,  # read at the import, see below
-        "4: < to <=": None,  # equal numbers are not tried, and would tell nothing
+        "4: < to <=": None,  # equal numbers are not tried, and would show nothing
         "8: statement removed": "test_toy.py::test_listed",
         "9: > to >=": "test_toy.py::test_listed",
         "9: 0 to 1": "test_toy.py::test_listed",
@@ -289,7 +289,7 @@ def test_every_module_has_a_folder() -> None:
 
 
 def test_every_equivalent_mutant_is_still_one_of_its_line() -> None:
-    """A line that has changed is judged anew."""
+    """A changed line must be judged again."""
     sources: dict[str, set[tuple[str, str]]] = {}
     for path, line, change in run.equivalents():
         if path not in sources:

@@ -1,9 +1,9 @@
-"""Tries mutants on tests: one process collects the tests, and each mutant has a copy of it.
+"""Try mutants on tests: one process collects the tests, and each mutant runs in a copy of it.
 
-``python trials.py task.json`` is run by `run.py`. A first copy runs every test, and notes what each
-costs and which mutants it reaches. A mutant's copy runs the tests that reach it, first those that
-found others in its file, then those that found any, then the cheapest, until one fails. Costs are
-seconds of the processor, and so are limits: an endless loop ends by the one of its test.
+`run.py` starts ``python trials.py task.json``. A first copy runs every test, and records the cost
+and the mutants of each test. The copy of a mutant runs the tests that reach it, first those that
+killed others in its file, then those that killed any, then the cheapest, until one fails. Costs and
+limits are processor seconds: the limit of a test ends an endless loop.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from native_code import Reached
 from python_code import Choices, Finder, module_name
 
 BUDGET: Final = 20.0  # seconds of tests for one mutant
-_SLOW: Final = 10.0  # a test with a mutant may take so many times its own seconds, and 5 more
-_MEMORY: Final = 4 << 30  # more than the tests have taken before
-_BLOCKED: Final = 600  # seconds of a clock, for a mutant that waits for ever
+_SLOW: Final = 10.0  # the factor by which a mutant may slow a test, with 5 s in addition
+_MEMORY: Final = 4 << 30  # more than the tests have used so far
+_BLOCKED: Final = 600  # seconds of a clock, for a mutant that waits forever
 
 
 @dataclass
 class Tests:
-    """What the first copy noted, by the number of a test."""
+    """The records of the first copy, by the number of a test."""
 
     seconds: dict[int, float] = field(default_factory=dict)
     reaching: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
@@ -47,8 +47,8 @@ class Trials:
 
     Args:
         files: The path of each mutant, by its number.
-        only: A mutant that is on from the beginning, because it changes what happens at an import;
-            the tests run in the order of their cost.
+        only: A mutant that is active from the start, because it changes an import; the tests run in
+            the order of their cost.
     """
 
     def __init__(
@@ -71,16 +71,16 @@ class Trials:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self) -> None:
-        """From here on pytest itself would import each file that it is given, for its doctests."""
+        """After this, pytest would import each named file for its doctests."""
         self._finder.go_first()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """A test that fails, or whose fixture does, has found the mutant."""
+        """Record a failing test or fixture, which kills the mutant."""
         self._failed |= report.failed
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """In place of pytest's loop."""
+        """Replace pytest's loop."""
         items = session.items
         if self._only is not None:
             chosen = sorted(
@@ -139,20 +139,20 @@ class Trials:
         return set().union(*(place.reached() for place in self._places))
 
     def _begin(self, on: int | None = None) -> None:
-        # What another test has left in a cache would hide that this test needs the code behind it.
+        # A cache filled by another test would hide that this test needs the code behind it.
         for cache in self._caches:
             cache.cache_clear()
         for place in self._places:
             place.begin(on)
 
     def _run(self, item: pytest.Item, following: pytest.Item | None) -> bool:
-        """Whether a test passes."""
+        """Return whether a test passes."""
         self._failed = False
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
         return not self._failed
 
     def _first(self, items: Sequence[pytest.Item]) -> Tests:
-        """Costs and reached mutants of each test that passes without a mutant."""
+        """Return costs and reached mutants of each test that passes without a mutant."""
         reader, writer = os.pipe()
         child = os.fork()
         if child == 0:
@@ -185,7 +185,7 @@ class Trials:
         seconds: Mapping[int, float],
         number: int,
     ) -> int | str | None:
-        """The test that fails, the signal that ends the process, or None: the mutant survives."""
+        """Return the failing test, the signal that ends the process, or None for a survivor."""
         reader, writer = os.pipe()
         child = os.fork()
         if child == 0:
@@ -206,7 +206,7 @@ class Trials:
     def _until_one_fails(
         self, items: Sequence[pytest.Item], seconds: Sequence[float], notes: int | None = None
     ) -> int | None:
-        """The place of the first test that fails; a byte is written as each begins."""
+        """Return the index of the first failing test; write a byte at the start of each."""
         memory = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (memory + _MEMORY, resource.RLIM_INFINITY))
         for place, (item, own) in enumerate(zip(items, seconds, strict=True)):
@@ -221,13 +221,13 @@ class Trials:
 
 
 def _seconds() -> float:
-    """What this process has taken of the processor."""
+    """Return the processor time of this process."""
     used = os.times()
     return used.user + used.system
 
 
 def main(task: Path) -> None:
-    """Do a task, and write its result beside it."""
+    """Do a task, and write its result next to it."""
     given = json.loads(task.read_text(encoding="utf-8"))
     root = Path(given["root"])
     numbers: dict[str, dict[Site, int]] = {}

@@ -1,4 +1,4 @@
-"""psy-taliro searches systems of ours, and our searches run its models, to the same bits."""
+"""psy-taliro searches our systems, and our searches run its models, with the same bits."""
 
 import math
 from typing import Any
@@ -120,7 +120,7 @@ def test_our_search_finds_and_reduces_a_violation_of_a_model(kind: str) -> None:
     pushes, at = found.input["push"], found.input["at"]
     assert isinstance(pushes, Waveform)
     assert isinstance(at, float)
-    # What it hands over are its values in the four seconds.
+    # The results are its values in the four seconds.
     values = [pushes(float(second)) for second in range(4)]
     trace = cart.simulate(given_.parse_sample(Sample([at, *values]))).value
     assert theirs.parse_discrete(NEAR, COLUMNS).evaluate(trace).value < 0

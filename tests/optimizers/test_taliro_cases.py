@@ -1,4 +1,4 @@
-"""A case of a model of psy-taliro that is saved runs again to the same bits."""
+"""A saved case of a model of psy-taliro runs again with the same bits."""
 
 from pathlib import Path
 

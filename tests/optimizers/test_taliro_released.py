@@ -23,7 +23,7 @@ STEP = 0.25
 
 @staliro.model  # type: ignore[untyped-decorator]  # it has no types here
 def braking(inputs: staliro.Inputs[staliro.Sample]) -> Trace[list[float]]:
-    """A car that brakes 0.75 s too late for what stands before it."""
+    """A car that brakes 0.75 s too late for an obstacle."""
     gap, speed = inputs.static["gap"], inputs.static["speed"]
     states = {}
     for k in range(25):
@@ -35,7 +35,7 @@ def braking(inputs: staliro.Inputs[staliro.Sample]) -> Trace[list[float]]:
 
 
 def trace_of(gap: float, speed: float) -> Trace[list[float]]:
-    """What the model does from a state."""
+    """Return the trace of the model from a state."""
     sample = staliro.Sample([gap, speed])
     inputs = OPTIONS.parse_sample(sample)
     return braking.simulate(inputs).value

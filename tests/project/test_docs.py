@@ -1,4 +1,4 @@
-"""The pages in docs: their Python and commands give what they show, their links lead somewhere."""
+"""The pages in docs: their code and commands produce the output shown, and their links work."""
 
 import ast
 import doctest
@@ -29,11 +29,11 @@ from rtamt_gym.shaping import Mode
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 RUN_HERE = [page for page in PAGES if page.parent.name != "tutorials"]
-"""`test_tutorials.py` plays the tutorials, each in a folder."""
+"""`test_tutorials.py` runs the tutorials, each in a folder."""
 LONG = {"evaluation", "falsification", "sweeps"}
 """Pages whose examples take seconds: the quick suite runs the first."""
 SESSIONS = [
-    pytest.param(session, marks=[pytest.mark.slow] if at else [])  # the quick suite plays the first
+    pytest.param(session, marks=[pytest.mark.slow] if at else [])  # the quick suite runs the first
     for page in RUN_HERE
     for at, session in enumerate(blocks(page.read_text(encoding="utf-8"), "console"))
 ]
@@ -109,11 +109,11 @@ ROOMS = {
     "rtamt": ("checking", "dense", "language", "monitors", "mutation", "typing"),
     "rtamt_gym": ("live", "mujoco", "results", "wrappers"),
 }
-"""Packages inside a package whose public names the reference has too."""
+"""Packages inside a package whose public names are in the reference too."""
 
 
 def _reference(package: str) -> str:
-    """The part of the reference about a package."""
+    """Return the part of the reference about a package."""
     page = (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
     parts = re.split(r"^## (rtamt\w*)$", page, flags=re.MULTILINE)
     assert parts.count(package) == 1
@@ -160,7 +160,7 @@ def test_the_reference_has_every_public_name_of_the_libraries_of_arrays_once() -
 
 
 def _exported(path: Path) -> list[str]:
-    """What ``__all__`` of a module lists, which needs no library."""
+    """Return the names in ``__all__`` of a module, without importing its library."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         match node:
             case ast.Assign(targets=[ast.Name(id="__all__")], value=value):
@@ -183,7 +183,7 @@ def test_the_page_of_what_is_tested_names_every_group() -> None:
 
 def test_the_page_of_installation_has_every_extra() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    extras = set(settings["project"]["optional-dependencies"]) - {"pytest"}  # ours alone
+    extras = set(settings["project"]["optional-dependencies"]) - {"pytest"}  # only our own
     page = (DOCS / "installation.md").read_text(encoding="utf-8")
     assert extras - set(re.findall(r"`([a-z]+)`", page)) == set()
     asked = re.findall(r"\.\[([a-z,]+)\]", "".join(each.read_text("utf-8") for each in PAGES))

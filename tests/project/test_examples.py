@@ -1,4 +1,4 @@
-"""The examples run as they say and print what they claim."""
+"""The examples run and print what their texts claim."""
 
 import contextlib
 import importlib.util
@@ -34,18 +34,18 @@ ARGUMENTS = {
 QUICK = {"basics", "operators", "patterns"}
 """Examples without a simulator."""
 PICTURES = {"paper_figures": ["paper_flights", "paper_map", "paper_servers"]}
-"""What is drawn into a folder; the other examples draw one picture of their own name."""
+"""Pictures drawn into a folder; the other examples draw one picture of their own name."""
 
 
 @dataclass
 class Run:
-    """What an example printed and drew."""
+    """The output and the pictures of an example."""
 
     text: str
     pictures: list[Path]
 
     def rows(self, column: str) -> list[list[str]]:
-        """The words of each line of the table whose first column is ``column``."""
+        """Return the words of each line of the table with ``column`` as its first column."""
         lines = iter(self.text.splitlines())
         while next(lines).split()[:1] != [column]:
             pass
@@ -71,7 +71,7 @@ def _run(example: str, folder: Path, *more: str) -> Run:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Runner:
-    """Runs an example, once."""
+    """Run an example once."""
     folder = tmp_path_factory.mktemp("pictures")
     return cache(lambda example: _run(example, folder))
 

@@ -52,7 +52,7 @@ def test_the_clocks_made_by_hand_count_the_steps_since_each_end() -> None:
 
 
 def played(env: gym.Env[Any, Any], actions: Any) -> tuple[list[float], dict[str, Any]]:  # noqa: ANN401
-    """The rewards of an episode, and its last info."""
+    """Return the rewards of an episode, and its last info."""
     env.reset(seed=5)
     rewards, done = [], False
     for action in actions:
@@ -66,7 +66,7 @@ def played(env: gym.Env[Any, Any], actions: Any) -> tuple[list[float], dict[str,
 
 
 def there_and_back(steps: int) -> list[Any]:
-    """Actions that visit both ends of the corridor, each within 40 steps of 0.2 or 25 of 0.1."""
+    """Return actions that visit both ends of the corridor, in 40 steps of 0.2 or 25 of 0.1."""
     return [np.array([1.0 if step // 25 % 2 else -1.0], np.float32) for step in range(steps)]
 
 
@@ -120,20 +120,20 @@ def test_a_finger_is_an_environment_as_gymnasium_wants_it() -> None:
 
 
 def hard(obs: Any) -> Any:  # noqa: ANN401
-    """Pushes all the way."""
+    """Push all the way."""
     return np.ones((*obs.shape[:-1], 1), np.float32)
 
 
 def soft(obs: Any) -> Any:  # noqa: ANN401
-    """Brakes before the plate: the nearer it is, the slower the finger is to be."""
+    """Brake before the plate: the closer, the slower."""
     x, v = obs[..., :1], obs[..., 1:]
     return np.clip((0.25 + 1.6 * np.maximum(-0.1 - x, 0.0) - v) / 0.2, -1.0, 1.0).astype(np.float32)
 
 
 def forces(policy: Any, seed: int) -> tuple[list[float], list[float]]:  # noqa: ANN401
-    """Forces on the plate after each step of the environment, and after each of its physics.
+    """Return forces on the plate after each environment step, and after each physics step.
 
-    The physics is stepped here, and a force is a sum over the contacts that there are.
+    The physics is stepped here, and a force is a sum over the contacts.
     """
     env = script("train_contact").make_env()
     obs, _ = env.reset(seed=seed)
@@ -266,7 +266,7 @@ def test_methods_of_the_study_say_and_pay_the_end_at_the_speed_limit_as_they_are
     assert len(paid["ours"]) == len(paid["control"]) == count
     assert paid["ours"][:-1] == paid["control"][:-1]
     assert paid["ours"][-1] == pytest.approx(paid["control"][-1], abs=1)  # 0 after an end
-    # A potential within [-1, 1] changes the sum of discounted rewards by no more than 2.
+    # A potential within [-1, 1] changes the sum of discounted rewards by at most 2.
     discounts = 0.99 ** np.arange(count)
     lost = float(discounts @ np.subtract(paid["plain"][:count], paid["ours"]))
     assert lost == pytest.approx(30 * discounts[-1], abs=2)

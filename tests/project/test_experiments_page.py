@@ -1,4 +1,4 @@
-"""The page on the experiments says what the files of results say."""
+"""The page on the experiments equals the files of results."""
 
 import csv
 import re
@@ -11,11 +11,11 @@ from paths import EXAMPLES, ROOT
 PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
 
 FIRST_SEEDS = {"corridor": 40_000, "patrol": 41_000, "speed_limit": 42_000}
-"""Of the study, as the page says them before its tables."""
+"""Names of the study, as the page uses them before its tables."""
 
 
 def tables(head: str = "variant") -> list[list[list[str]]]:
-    """The tables of the page: of each the cells of its rows, without the line below the header."""
+    """Return the cells of the rows of each table of the page, without the line below the header."""
     found = re.findall(rf"^\| {head} .*\n(?:\|.*\n)+", PAGE, re.MULTILINE)
     rows = [[line.strip("|").split("|") for line in text.splitlines()] for text in found]
     return [[[cell.strip() for cell in row] for row in [table[0], *table[2:]]] for table in rows]
@@ -82,7 +82,7 @@ def test_the_tables_of_the_study_are_what_its_rows_say() -> None:
             of = [row for row in rows if (row["task"], row["method"]) == (name, method)]
             ends = [100 * row["satisfied"] / row["episodes"] for row in of]
             assert {row["episodes"] for row in of} == {100}
-            # Fixed before the first run: no seed between is left out.
+            # Fixed before the first run: no seed between is omitted.
             first = FIRST_SEEDS[name]
             assert sorted(row["seed"] for row in of) == list(range(first, first + int(runs)))
             assert task.first_seed == first

@@ -1,4 +1,4 @@
-"""Tests that `.ci/run` runs in environments of their own, which the suite leaves out."""
+"""Tests that `.ci/run` runs in environments of their own, which the suite omits."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""Imports go one way, and what stands above uses public names only."""
+"""Imports go in one direction, and upper packages use only public names."""
 
 import ast
 import subprocess
@@ -16,8 +16,7 @@ from rtamt_envs import SCENARIOS
 
 import rtamt
 
-# From the bottom up: a room imports from lower floors only. A room is a folder, or a file that
-# stands by itself.
+# From the bottom up: a room imports only from lower floors. A room is a folder, or a separate file.
 FLOORS = {
     "rtamt": (
         ("errors", "limits", "columns", "lazy", "renamed"),
@@ -86,7 +85,7 @@ FLOORS = {
 # The packages, from the bottom up.
 HOUSE = ("rtamt", "rtamt_gym", "rtamt_arrays", "rtamt_envs", "rtamt_ros")
 
-# Where public names are.
+# The modules of public names.
 PUBLIC: dict[str, ModuleType] = {
     name: import_module(name)
     for name in (
@@ -106,12 +105,12 @@ PUBLIC: dict[str, ModuleType] = {
     )
 }
 
-# Not while modules load: the released classes are loaded when first asked for.
+# Not at the import of modules: the released classes are loaded at their first use.
 LATE = {
     ("rtamt", "rtamt.compat"),
     ("rtamt.language.formula", "rtamt.language.words"),
     *(
-        ("rtamt.language.specification", module)  # methods import what they run
+        ("rtamt.language.specification", module)  # methods import their implementation
         for module in (
             "rtamt.export.fmu",
             "rtamt.language.parser",
@@ -120,7 +119,7 @@ LATE = {
         )
     ),
     *(
-        ("rtamt_gym.results", module)  # its names are imported when they are used
+        ("rtamt_gym.results", module)  # its names are imported at their first use
         for module in (
             "rtamt_gym.evaluation.comparison",
             "rtamt_gym.evaluation.evaluation",
@@ -137,30 +136,30 @@ LATE = {
     ),
 }
 
-# What runs programs knows no text.
+# The machines do not know the language.
 TEXT = ("rtamt.language.parser", "rtamt.language.grammar")
 
 
 def modules(package: str) -> list[Path]:
-    """The modules of a package that are written by hand."""
+    """Return the modules of a package that are not generated."""
     paths = _above(package).joinpath(*package.split(".")).rglob("*.py")
     return sorted(path for path in paths if "generated" not in path.parts)
 
 
 def _above(package: str) -> Path:
-    """The folder in which a package lies."""
+    """Return the folder of a package."""
     return ROOT / "envs" if package == "rtamt_envs" else ROOT
 
 
 def name_of(path: Path) -> str:
-    """The dotted name of a module."""
+    """Return the dotted name of a module."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     parts = parts[1:] if parts[0] == "envs" else parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def room(module: str, package: str) -> str:
-    """The room of a package in which a module stands."""
+    """Return the room of a module in its package."""
     return module.removeprefix(package).removeprefix(".").split(".")[0] or "__init__"
 
 
@@ -186,7 +185,7 @@ def _is_text(node: ast.expr) -> bool:
 
 
 def edges(*packages: str) -> set[tuple[str, str]]:
-    """The imports inside packages, as (importing module, imported module)."""
+    """Return the imports inside packages, as (importing module, imported module)."""
     paths = [path for package in packages for path in modules(package)]
     known = {name_of(path) for path in paths}
     found = set()
@@ -228,7 +227,7 @@ def test_a_package_imports_from_lower_packages_only() -> None:
 
 
 def order(arrows: set[tuple[str, str]]) -> None:
-    """Raises if the arrows close a circle; one from a room to itself is none."""
+    """Raise an error if imports form a circle between rooms."""
     graph: dict[str, set[str]] = {}
     for above, below in arrows:
         if above != below:

@@ -1,4 +1,4 @@
-"""The page on learners: its programs are run by tests, and do what it says."""
+"""The page on learners: tests run its programs, and check its claims."""
 
 from pathlib import Path
 from textwrap import dedent

@@ -1,4 +1,4 @@
-"""A public name of a class or of a type means one thing in the whole house."""
+"""A public name of a class or of a type has one meaning in all packages."""
 
 import ast
 from collections import defaultdict
@@ -13,7 +13,7 @@ ALTERNATIVES = {"SatisfactionCallback"}
 
 
 def definitions(path: Path) -> Iterator[tuple[str, str]]:
-    """The public classes and type aliases of a file: the name, and the type that an alias names."""
+    """Return the public classes and type aliases of a file, with the types of aliases."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         match node:
             case ast.ClassDef(name=name):
@@ -39,7 +39,7 @@ def test_a_name_is_one_class_or_one_type() -> None:
 
 
 def test_a_folder_of_tests_hides_no_library() -> None:
-    """The type checker has a folder of test modules on its path: folders in it are packages."""
+    """The path of the type checker has a folder of test modules, whose folders are packages."""
     folders = {
         folder.name
         for test in (ROOT / "tests").rglob("test_*.py")

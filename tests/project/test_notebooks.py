@@ -1,4 +1,4 @@
-"""The notebooks: their cells run in order, and show what is kept in the files."""
+"""The notebooks: their cells run in order, with the outputs in the files."""
 
 import json
 import re
@@ -12,7 +12,7 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 
 
 def told(output: Output) -> object:
-    """What an output says; of a picture, which differs with fonts, that it is one."""
+    """Return the text of an output; a picture, which depends on fonts, only by its presence."""
     if output["output_type"] == "stream":
         return output["text"]
     return {kind: kind == "image/png" or shown for kind, shown in output["data"].items()}

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the distribution installed where no compiler works."""
+    """Return a folder with the distribution installed without a working compiler."""
     target = tmp_path_factory.mktemp("site")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
     built = subprocess.run(
@@ -40,7 +40,7 @@ def distribution(site: Path) -> importlib.metadata.Distribution:
 
 
 def run_without_editable_install(site: Path, code: str) -> str:
-    # -S leaves the .pth files aside, through which an editable install would come first.
+    # -S ignores the .pth files, through which an editable install would come first.
     path = [str(site), *(entry for entry in sys.path if entry.endswith("site-packages"))]
     ran = subprocess.run(
         [sys.executable, "-S", "-c", code],
@@ -176,11 +176,11 @@ _APART = {
     **{name: [name] for name in ("distributed", "fsspec", "ray")},
     "rerun": ["rerun-sdk"],
 }
-"""The distributions of packages that are not in `all`: the tests run without them."""
+"""The distributions of packages outside `all`: the tests run without them."""
 
 
 def needed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:
-    """The distributions that an extra names, by itself or by others that it names."""
+    """Return the distributions that an extra names, directly or through other extras."""
     names = {f'extra == "{each}"' for each in installed_by(distribution, extra)}
     needs = [need.replace("'", '"') for need in distribution.requires or ()]
     wanted = {need for need in needs if any(need.endswith(name) for name in names)}
@@ -190,7 +190,7 @@ def needed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[
 
 
 def installed_by(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:
-    """An extra, and those that it names."""
+    """Return an extra, and the extras that it names."""
     found = {extra}
     for need in distribution.requires or ():
         text = need.replace("'", '"')
@@ -201,12 +201,12 @@ def installed_by(distribution: importlib.metadata.Distribution, extra: str) -> s
 
 
 RELEASED = "import rtamt.spec\nSTLDiscreteTimeSpecification = object\n"
-"""Enough of the released library's first file: what it imports lies beside it."""
+"""The start of the released library's first file; its imports are next to it."""
 
 
 @pytest.fixture
 def mixed(site: Path, tmp_path: Path) -> Path:
-    """A folder in which the released library was installed too, under this one."""
+    """Return a folder in which the released library was installed too, under this one."""
     folder = tmp_path / "mixed"
     shutil.copytree(site, folder)
     for each in ("spec", "antlr"):
@@ -251,7 +251,7 @@ def test_the_commands_are_main_functions(distribution: importlib.metadata.Distri
 def test_nothing_that_an_extra_installs_asks_for_the_released_library(
     distribution: importlib.metadata.Distribution,
 ) -> None:
-    """Its package has the name of ours, and would lie over it."""
+    """Its package has our name, and would overwrite ours."""
     assert "psy-taliro" not in {
         each
         for extra in ("all", "test", "dev", "taliro")

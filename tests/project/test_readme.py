@@ -1,4 +1,4 @@
-"""The README: its Python and its commands give what it shows."""
+"""The README: its Python and its commands produce the output shown."""
 
 import doctest
 

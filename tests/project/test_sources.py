@@ -1,4 +1,4 @@
-"""What holds of every source file."""
+"""Properties of every source file."""
 
 import ast
 from itertools import chain
@@ -10,7 +10,7 @@ CLOCKS = {"time", "timeit", "datetime"}
 
 
 def imported(path: Path) -> set[str]:
-    """The top-level names of what a file imports."""
+    """Return the top-level names of the imports of a file."""
     found = chain.from_iterable(
         [node.module or ""]
         if isinstance(node, ast.ImportFrom)

@@ -1,4 +1,4 @@
-"""The suites: what the quick suite must still try, and how a run ends if a worker dies."""
+"""The suites: the tests that quick must contain, and the end of a run with a dead worker."""
 
 import ast
 import importlib
@@ -93,7 +93,7 @@ def test_quick_covers_exit_codes() -> None:
 
 @pytest.mark.slow
 def test_dead_worker_ends_the_run(tmp_path: Path) -> None:
-    """Even if the worker has forked: xdist waits until every copy of its pipes is closed."""
+    """Also if the worker has forked: xdist waits until every copy of its pipes is closed."""
     (tmp_path / "conftest.py").write_text(
         (ROOT / "tests" / "conftest.py").read_text(encoding="utf-8"), encoding="utf-8"
     )
@@ -115,7 +115,7 @@ def test_death():
     try:
         with (tmp_path / "log.txt").open("w") as log:  # the child would hold a pipe open
             run = subprocess.run(command, cwd=tmp_path, stdout=log, stderr=log, check=False)
-        os.kill(int(child.read_text()), 0)  # the child lives on
+        os.kill(int(child.read_text()), 0)  # the child still runs
     finally:
         os.kill(int(child.read_text()), signal.SIGKILL)
     assert run.returncode == 1

@@ -1,4 +1,4 @@
-"""The tutorials, and the starters that they begin with: what they say is what happens."""
+"""The tutorials and their starters: their text matches their behaviour."""
 
 import doctest
 import re
@@ -12,12 +12,12 @@ from rtamt_gym.starters import JOB, STARTERS, write_starter
 
 TUTORIALS = ROOT / "docs" / "tutorials"
 PLAYED = [name for name in STARTERS if name != "robot"]
-"""Tutorials that are played here; tests/ros plays that of a robot."""
+"""Tutorials that are run here; tests/ros runs the tutorial of a robot."""
 
 
 @pytest.fixture
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
-    """Somebody in an empty folder."""
+    """Return a reader in an empty folder."""
     return Reader(tmp_path, monkeypatch)
 
 
@@ -51,7 +51,7 @@ def test_every_starter_has_its_tutorial() -> None:
 
 
 def run_lines(text: str) -> list[str]:
-    """The commands of a job or an action, without those that install."""
+    """Return the commands of a job or an action, without installations."""
     lines = [line.strip() for line in re.findall(r"^ +(?:- )?run: (.+)$", text, re.MULTILINE)]
     assert lines[0].startswith("pip install ")
     return lines[1:]

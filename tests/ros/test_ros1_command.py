@@ -1,4 +1,4 @@
-"""The paper's command line on ROS 1, with a specification as the released library has them."""
+"""The paper's command line on ROS 1, with a specification for the released library."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 
 def start(world: World, *arguments: str, name: str) -> Process:
-    """Starts the command: the console script, where it is installed."""
+    """Start the command: the installed console script."""
     script = Path(sys.executable).with_name("ros_stl_monitor.py")
     program = [script] if script.exists() else ["-m", "rtamt_ros"]
     return world.ros.start(*program, *arguments, name=name)

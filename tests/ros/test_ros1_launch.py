@@ -35,7 +35,7 @@ def test_launch_files_start_a_monitor_and_its_aggregator(tmp_path: Path) -> None
             command = [*LAUNCH, f"{name}.launch", *arguments]
             process = Process(command, environment, tmp_path / f"{name}.log")
             network.processes.append(process)
-            patiently(lambda: "started with pid" in process.output)  # the first sets /run_id
+            patiently(lambda: "started with pid" in process.output)  # the first one sets /run_id
             return process
 
         def states(topic: str, name: str) -> list[Any]:

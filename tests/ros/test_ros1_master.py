@@ -1,4 +1,4 @@
-"""What becomes of a monitor when the master goes, comes back, refuses it, or knows another one."""
+"""A monitor when the master ends, returns, refuses it, or knows another one."""
 
 import os
 import signal
@@ -28,25 +28,27 @@ def network(tmp_path: Path) -> Iterator[Ros]:
 
 
 def monitor(network: Ros, name: str = "monitor") -> Process:
-    """Starts a monitor with the name ``/watch``."""
+    """Start a monitor with the name ``/watch``."""
     options = "--period 50 --unit ms --stale inf __name:=watch"
     return network.start("-m", "rtamt_ros", "--spec", SPEC, *options.split(), name=name)
 
 
 def known(network: Ros) -> list[set[str]]:
-    """What the master knows of ``/watch``: topics that it publishes and hears, and services."""
+    """Return the topics that the master knows for ``/watch``, published and subscribed, and
+    services.
+    """
     with xmlrpc.client.ServerProxy(network.environment["ROS_MASTER_URI"]) as master:
         state: Any = master.getSystemState("/tests")[2]  # type: ignore[index]
     return [{what for what, nodes in kind if "/watch" in nodes} for kind in state]
 
 
 def data(ears: Probe) -> list[float]:
-    """The robustness that was heard."""
+    """Return the received robustness."""
     return [each.message.data for each in ears.heard(OUT)]
 
 
 def told(ears: Probe) -> list[tuple[int, str]]:
-    """What diagnostics say of the node."""
+    """Return the diagnostics of the node."""
     found = statuses(ears.heard(DIAGNOSTICS))
     return [(each.level, each.message) for each in found if each.name == "watch: ROS"]
 
@@ -67,13 +69,13 @@ def test_a_monitor_is_found_again_at_a_master_that_came_back(network: Ros) -> No
         network.kill_master()
         patiently(lambda: f"[WARN] {gone}" in plain(watch))
         before.wait(lambda: (1, gone) in told(before), "the state of the node")
-        first.ask("publish", "x", {"data": 4.0})  # what is connected needs no master
+        first.ask("publish", "x", {"data": 4.0})  # existing connections need no master
         before.wait(lambda: 3.0 in data(before), "robustness without a master")
         network.start_master()
         patiently(lambda: f"[INFO] {again}" in plain(watch))
         assert known(network) == knew
         before.wait(lambda: (0, again) in told(before), "the state of the node")
-        with probe(network, TOPICS) as after:  # and who comes now is connected
+        with probe(network, TOPICS) as after:  # new subscribers are connected
             second = world.peer("second")
             second.ask("publisher", "x", "/x", "std_msgs", "Float64")
             patiently(lambda: second.ask("publish", "x", {"data": 5.0}) or 4.0 in data(after))
@@ -84,14 +86,14 @@ def test_a_monitor_is_found_again_at_a_master_that_came_back(network: Ros) -> No
 
 
 def plain(process: Process) -> str:
-    """The log of a process without times."""
+    """Return the log of a process without times."""
     words = (line.split(": ", 1) for line in process.output.splitlines())
     return "\n".join(f"{head.split(' ')[0]} {text}" for head, *texts in words for text in texts)
 
 
 @contextmanager
 def refusing(uri: str) -> Iterator[None]:
-    """A master that knows no node, and takes none."""
+    """Run a master that knows no node, and accepts none."""
     port = int(uri.rpartition(":")[2])
     with SimpleXMLRPCServer(("127.0.0.1", port), logRequests=False) as server:
         answers: dict[str, Sequence[Any]] = {
@@ -136,7 +138,7 @@ def test_of_two_monitors_with_one_name_the_first_ends_with_code_4(network: Ros) 
 def test_a_monitor_whose_name_another_has_at_a_new_master_leaves_it_alone(network: Ros) -> None:
     first = monitor(network, "first")
     patiently(lambda: "waiting for x" in first.output)
-    os.kill(first.pid, signal.SIGSTOP)  # it sees nothing of what happens now
+    os.kill(first.pid, signal.SIGSTOP)  # it receives nothing from now on
     network.kill_master()
     network.start_master()
     second = monitor(network, "second")

@@ -1,4 +1,4 @@
-"""ROS 1 keeps the contract of every middleware, and these properties of its own."""
+"""ROS 1 satisfies the contract of every middleware, and these properties of its own."""
 
 import re
 import signal
@@ -43,21 +43,21 @@ class TestRos1Middleware(MiddlewareContract):
 
 
 def registered(ros: Ros) -> set[str]:
-    """The nodes that the master knows."""
+    """Return the nodes that the master knows."""
     with xmlrpc.client.ServerProxy(ros.environment["ROS_MASTER_URI"]) as master:
         state: list[list[list[list[str]]]] = master.getSystemState("/tests")[2]  # type: ignore[index,assignment]
     return {node for kind in state for _, nodes in kind for node in nodes}
 
 
 def uri_of(ros: Ros, node: str) -> str:
-    """Where a node takes the calls of others."""
+    """Return the address of a node for calls of others."""
     with xmlrpc.client.ServerProxy(ros.environment["ROS_MASTER_URI"]) as master:
         return str(master.lookupNode("/tests", node)[2])  # type: ignore[index]
 
 
 @pytest.mark.parametrize("name", ["FloatStamped", "FloatMessage"])
 def test_the_stamped_message_is_that_of_the_package(world: World, name: str) -> None:
-    """As two other programs compute its checksum from the text of the package."""
+    """Compare the checksum with two other programs, from the text of the package."""
     text = (ROOT / "ros" / "rtamt_msgs" / "msg" / f"{name}.msg").read_text()
     context = genmsg.msg_loader.MsgContext.create_default()
     spec = genmsg.msg_loader.load_msg_from_string(context, text, f"rtamt_msgs/{name}")
@@ -107,7 +107,7 @@ def test_a_subscriber_that_hangs_holds_up_nobody(world: World) -> None:
         assert peer.ask("kept", topic, 1) == [(None, "first")]
     stuck.process.send_signal(signal.SIGSTOP)
     large = "x" * 2**20
-    for _ in range(30):  # more than TCP keeps for who does not read
+    for _ in range(30):  # more than TCP buffers for a slow reader
         world.talker.ask("publish", topic, {"data": large})
     assert [len(text) for _, text in world.listener.ask("kept", topic, 31)] == [5] + 30 * [2**20]
     stuck.process.kill()
@@ -123,7 +123,7 @@ def test_a_topic_has_one_type_in_a_node(world: World) -> None:
         "InputError: expected one type of messages on /one_type, got std_msgs/Float64 and "
         "geometry_msgs/Twist"
     ) in str(refused.value)
-    # The first goes on.
+    # The first node continues.
     world.talker.ask("publisher", "one_type", "/one_type", *FLOAT, latched=True)
     world.talker.ask("publish", "one_type", {"data": 2.0})
     assert heard(peer, "numbers", 1) == [2.0]
@@ -221,7 +221,7 @@ def test_a_command_that_waits_for_a_master_says_so_and_ends_on_sigint(
 
 
 def test_a_timer_calls_at_the_first_tick_of_each_period(world: World) -> None:
-    """The oracle knows the grid: it begins where the timer does, and jumps do not move it."""
+    """The oracle knows the grid: it starts with the timer, and jumps do not move it."""
     clock, node = world.clock, world.simulated
     contract = TestRos1Middleware()
     begin, period = 1000 * SECOND, 70 * MS
@@ -236,7 +236,7 @@ def test_a_timer_calls_at_the_first_tick_of_each_period(world: World) -> None:
             expected.append((now, point))
             last = point
             assert len(node.ask("kept", "grid", len(expected))) == len(expected)
-        elif now < last:  # the clock jumped back, behind what was called
+        elif now < last:  # the clock jumped back, before earlier calls
             last = point
-            node.ask("kept", "grid", len(expected) + 1, 0.1)  # the timer takes a look
+            node.ask("kept", "grid", len(expected) + 1, 0.1)  # wait for the timer
     assert [(time, due) for time, _, due in node.ask("kept", "grid")] == expected

@@ -1,4 +1,4 @@
-"""ROS 1 keeps the contract of a monitor among robots."""
+"""ROS 1 satisfies the contract of a monitor among robots."""
 
 from collections.abc import Iterator
 

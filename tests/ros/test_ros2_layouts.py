@@ -1,4 +1,4 @@
-"""The layouts show fields that a node on ROS 2 publishes, in panels of Foxglove's own schema."""
+"""The layouts show fields of a ROS 2 node, in panels of Foxglove's own schema."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ pytest_plugins = ["ros2_client"]
 
 @pytest.fixture
 def published(domain: Client) -> dict[str, type]:
-    """The topics of a running monitor of the requirement of the layouts, with their messages."""
+    """Return the topics of a running monitor of the requirement of the layouts, with messages."""
     domain.shared("layouts", spec_file=str(FOLDER / "config/follows.stl"))
     topics: dict[str, str] = {}
 
@@ -48,7 +48,7 @@ def published(domain: Client) -> dict[str, type]:
 
 
 def is_number(message: type, field: str) -> bool:
-    """Whether a message has a field of this name that a viewer can plot."""
+    """Return whether a message has a field of this name that a viewer can plot."""
     kind: str = message.get_fields_and_field_types().get(field, "")  # type: ignore[attr-defined]
     return kind.startswith(("double", "float", "int", "uint"))
 
@@ -72,14 +72,14 @@ def test_plotjuggler_plots_numbers_that_a_node_publishes(published: dict[str, ty
 
 
 def keys_of(kind: Any) -> dict[str, str]:  # noqa: ANN401 - a class of the SDK
-    """The key in JSON of each field of a class of Foxglove's schema, and the field."""
+    """Return the JSON key of each field of a class of Foxglove's schema, and the field."""
     names = {field.name: field.name for field in dataclasses.fields(kind)}
     keys: dict[str, str] = kind(**names)._to_dict()
     return keys
 
 
 def conforms(value: object, kind: Any) -> bool:  # noqa: ANN401 - a type
-    """Whether a value in JSON is one of a type of Foxglove's schema."""
+    """Return whether a JSON value has a type of Foxglove's schema."""
     origin, arguments = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         return any(conforms(value, each) for each in arguments)

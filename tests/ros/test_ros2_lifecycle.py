@@ -1,4 +1,4 @@
-"""A lifecycle manager and tools for parameters find in a monitor what they expect of a node."""
+"""A lifecycle manager and tools for parameters can use a monitor like any node."""
 
 import os
 import re
@@ -50,7 +50,7 @@ def test_a_manager_takes_a_monitor_through_its_states(tools: Client) -> None:
         assert monitor.do("deactivate")
         assert monitor.state == "inactive"
         tools.until(lambda: node.count_publishers("/managed/rtamt/out") == 0)
-        tools.until(lambda: node.count_subscribers("/managed/x") == 0)  # learned later, or before
+        tools.until(lambda: node.count_subscribers("/managed/x") == 0)  # discovered before or later
     assert monitor.do("cleanup")
     assert monitor.state == "unconfigured"
     assert monitor.do("configure")
@@ -70,7 +70,7 @@ def test_an_active_monitor_is_reset_by_a_service(tools: Client) -> None:
     monitor = tools.monitor("reset", spec=ALWAYS, period=20)
     tools.until(lambda: -1 in [each.data for each in verdict.all()])
     source.value = 3.0
-    now.next(lambda each: each.data > 0)  # what the node holds from now on
+    now.next(lambda each: each.data > 0)  # the values from now on
     answer = monitor.call(Trigger, "reset")
     assert answer.success
     first, second = answer.message.splitlines()
@@ -86,7 +86,7 @@ def test_an_active_monitor_is_reset_by_a_service(tools: Client) -> None:
 def test_what_cannot_be_is_refused_and_the_monitor_stays_where_it_is(tools: Client) -> None:
     monitor = tools.monitor("refusing", autostart=False)
     activate = Transition(id=Transition.TRANSITION_ACTIVATE)
-    monitor.send(ChangeState, "change_state", transition=activate)  # rclpy answers by label only
+    monitor.send(ChangeState, "change_state", transition=activate)  # rclpy answers only by label
     assert not monitor.do("activate")
     assert not monitor.do("configure")
     assert monitor.state == "unconfigured"
@@ -108,7 +108,7 @@ def test_specifications_are_exchanged_while_the_monitor_runs(tools: Client) -> N
     assert heard.next(lambda each: each.data < 0).data == -2.0
     assert monitor.state == "active"
     assert monitor.get("spec") == BELOW
-    # Of several that are set together all or none count.
+    # Of several parameters that are set together, all or none count.
     assert monitor.set(spec=ABOVE, unit="h") == "unit: expected 's', 'ms', 'us' or 'ns', got 'h'"
     assert (monitor.get("spec"), monitor.get("unit")) == (BELOW, "ms")
     assert heard.next(bool).data == -2.0

@@ -1,4 +1,4 @@
-"""ROS 2 keeps the contract of every middleware, and these properties of its own."""
+"""ROS 2 satisfies the contract of every middleware, and these properties of its own."""
 
 from collections.abc import Iterator
 

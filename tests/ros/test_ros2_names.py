@@ -1,4 +1,4 @@
-"""Two monitors of one name say so, and parameters of ROS are those of the command."""
+"""Two monitors of one name report it, and parameters of ROS equal those of the command."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def test_two_monitors_of_one_name_say_so_until_one_ends(tools: Client, tmp_path:
 
 
 def state(diagnostics: Heard) -> tuple[bytes, str]:
-    """The next state of a node itself."""
+    """Return the next state of a node itself."""
     found = diagnostics.next(lambda each: each.status[-1].name == "twin/stl_monitor: ROS")
     return found.status[-1].level, found.status[-1].message
 

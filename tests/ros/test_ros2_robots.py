@@ -1,4 +1,4 @@
-"""ROS 2 keeps the contract of a monitor among robots."""
+"""ROS 2 satisfies the contract of a monitor among robots."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""A monitor hears every publisher, late listeners hear it, and it takes time from the clock."""
+"""A monitor receives every publisher, late subscribers receive it, and it uses the clock's time."""
 
 import itertools
 import math
@@ -21,7 +21,7 @@ pytest_plugins = ["ros2_client"]
 
 
 def messages(array: DiagnosticArray) -> list[str]:
-    """What diagnostics say of requirements."""
+    """Return the diagnostics of requirements."""
     return [status.message for status in array.status]
 
 
@@ -91,7 +91,7 @@ def test_of_two_readers_each_message_is_heard_once_and_nothing_old(
     keeps = node.create_publisher(Float64, topic, LATCHED)
     subscription = tools.middleware.subscribe(topic, Float64, heard.keep)
     sent = 0
-    if before:  # the first reader hears these, and the second one is given them
+    if before:  # the first reader receives these, and the second one is given them
         tools.until(lambda: keeps.get_subscription_count() >= 1)
         for sent in range(1, 4):
             keeps.publish(Float64(data=float(sent)))
@@ -116,7 +116,7 @@ def test_a_subscription_that_is_closed_early_opens_nothing_more(tools: Client) -
     subscription.close()
     later = Heard()
     other = tools.middleware.subscribe("/early", Float64, later.keep)
-    assert later.all(1)[0].data == 1.0  # a look has been due for the first one too
+    assert later.all(1)[0].data == 1.0  # a look was due for the first one too
     tools.until(lambda: keeps.get_subscription_count() == 1)
     assert heard.all() == []
     other.close()
@@ -135,7 +135,7 @@ def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None
     tools.until(lambda: clock.get_subscription_count() == x.get_subscription_count() == 1)
 
     def step(tenth: int, value: float) -> None:
-        """A value, and a tick of the clock after it."""
+        """Publish a value, and a tick of the clock after it."""
         x.publish(Float64(data=value))
         tick = Clock()
         tick.clock.sec, tick.clock.nanosec = tenth // 10, tenth % 10 * 100_000_000
@@ -144,7 +144,7 @@ def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None
     for begin, value in ((500, 3.0), (100, 0.5)):
         ticks = itertools.count(begin)
         before = len(robustness.all())
-        while not robustness.all(before + 1, 0.1)[before:]:  # until the value has come
+        while not robustness.all(before + 1, 0.1)[before:]:  # until the value has arrived
             step(next(ticks), value)
         begun = len(robustness.all())
         for more in range(1, 21):

@@ -1,4 +1,4 @@
-"""The aircraft elevator under its faults: modes, positions, requirements, and the paper's map."""
+"""The aircraft elevator with faults: modes, positions, requirements, and the paper's map."""
 
 from typing import Any
 
@@ -20,14 +20,14 @@ _NAMES = [observation.name for observation in SCENARIO.observations]
 
 
 def _fly(entries: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - options of reset
-    """The observations under the baseline, shape (1001, environments, 10)."""
+    """Return the observations with the baseline, shape (1001, environments, 10)."""
     env = gym.make_vec(_ID, num_envs=entries).unwrapped
     first = env.reset(seed=0, options=options)[0]
     return np.concatenate([first[None], env.rollout(1000)])  # type: ignore[attr-defined]
 
 
 def _judged(seen: Floats) -> dict[str, rtamt.Judgement]:
-    """The judgement of each requirement on the observations of an episode."""
+    """Return the judgement of each requirement on the observations of an episode."""
     trace = dict(zip(_NAMES, seen.T, strict=True))
     return {
         name: rtamt.judge(
@@ -38,7 +38,7 @@ def _judged(seen: Floats) -> dict[str, rtamt.Judgement]:
 
 
 def _violated(seen: Floats) -> set[str]:
-    """The requirements that are violated; all others are satisfied."""
+    """Return the violated requirements; all others are satisfied."""
     verdicts = {name: each.verdict for name, each in _judged(seen).items()}
     assert rtamt.Verdict.UNDECIDED not in verdicts.values()
     return {name for name, verdict in verdicts.items() if verdict == rtamt.Verdict.VIOLATED}
@@ -93,7 +93,7 @@ def test_the_requirement_is_what_the_paper_says_at_the_end_of_an_episode() -> No
 
 
 def test_a_small_command_is_followed_in_the_sense_of_the_paper_by_an_elevator_at_rest() -> None:
-    """The requirement of the paper cannot tell: 3 cm are more than the command."""
+    """The requirement of the paper cannot detect it: 3 cm are more than the command."""
     seen = _fly(H1=0.0, H2=0.0)[:, 0]
     np.testing.assert_array_equal(seen[:, 1], 0.0)
     assert _violated(seen) == {"driven_left"}

@@ -1,4 +1,4 @@
-"""The mode logic of the elevators: against a chart of events, and what it promises."""
+"""The mode logic of the elevators: against a chart of events, and its promises."""
 
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -24,11 +24,11 @@ FAILED = list(product((0.0, 1.0), repeat=4))
 
 
 class Chart:
-    """Four parallel states that send events to each other: the logic as the source describes it.
+    """Four parallel states that send events to each other: the logic of the source.
 
-    An actuator that leaves for Off or Isolated tells others while it is in no state at all, an
-    inner one that becomes Active tells the outer one of its side; who is told reacts at once. A
-    sample makes one transition of each, so that some reactions take several.
+    An actuator that leaves for Off or Isolated sends its event while it is in no state. An inner
+    one that becomes Active sends one to the outer one of its side. Receivers react at once. A
+    sample makes one transition of each, so some reactions take several samples.
     """
 
     TOLD = {LO: (LI,), RO: (RI,), LI: (LO, RO), RI: (RO, LO, LI)}  # noqa: RUF012 - a constant
@@ -112,7 +112,7 @@ class Logic:
 
 
 def _histories() -> Iterator[list[tuple[Sequence[float], Sequence[float]]]]:
-    """Failures that come and go; failures of positions, which isolate, are rare."""
+    """Failures that appear and disappear; failures of positions, which isolate, are rare."""
     rng = np.random.default_rng(3)
     for chance in np.linspace(0.02, 0.5, 150):
         yield [

@@ -7,7 +7,7 @@ from rtamt_envs.scenario import Floats
 from scipy.integrate import solve_ivp
 
 # Commands, modes of outer and inner actuator, supplies: every mode, both pistons at once, a lost
-# circuit, and an elevator that nobody moves.
+# circuit, and an elevator without an actuator.
 PIECES = [
     (1.75, (4.0, 3.0), (1000.0, 1000.0)),
     (-1.75, (4.0, 3.0), (1000.0, 1000.0)),
@@ -30,7 +30,7 @@ def _ours(substeps: int) -> Floats:
 
 
 def _scipy(method: str, tolerance: float) -> Floats:
-    """The equations as the source has them, with the control laws between the samples."""
+    """Solve the equations of the source, with the control laws between the samples."""
     y = np.zeros(8)
     integral = last = 0.0
     course = []

@@ -1,4 +1,4 @@
-"""The automatic transmission: Simulink's numbers, its shifts, and what is required of it."""
+"""The automatic transmission: Simulink's numbers, its shifts, and its requirements."""
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ _STEPS = 3500
 
 
 def _drive(actions: Floats, **options: float) -> Floats:
-    """The observations of an environment for each course of actions, shape (k + 1, n, 3)."""
+    """Return the observations for each sequence of actions, shape (k + 1, n, 3)."""
     cars = gym.make_vec(_ID, num_envs=actions.shape[1]).unwrapped
     first = cars.reset(options=options)[0]
     return np.concatenate([first[None], cars.rollout(actions)])  # type: ignore[attr-defined]
@@ -27,7 +27,7 @@ def _held(throttle: float, brake: float, steps: int = _STEPS) -> Floats:
 
 
 def _pieces(n: int, seed: int) -> Floats:
-    """Courses of seven pieces: some coast, some brake, some do both."""
+    """Return sequences of seven pieces: some coast, some brake, some do both."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(0.0, [100.0, 325.0], (7, n, 2))
     points *= rng.random((7, n, 2)) < [0.8, 0.4]
@@ -82,7 +82,7 @@ _DOWN = [[5, 5, 5, 5, 30, 30], [20, 20, 25, 30, 50, 50], [35, 35, 40, 50, 80, 80
 
 
 def _beyond(gear: int, throttle: float, speed: float) -> int:
-    """1 above the threshold of a gear, -1 below it, else 0."""
+    """Return 1 above the threshold of a gear, -1 below it, otherwise 0."""
     if gear < 4 and speed > np.interp(throttle, [0, 25, 35, 50, 90, 100], _UP[gear - 1]):
         return 1
     if gear > 1 and speed < np.interp(throttle, [0, 5, 40, 50, 90, 100], _DOWN[gear - 2]):
@@ -91,9 +91,9 @@ def _beyond(gear: int, throttle: float, speed: float) -> int:
 
 
 def _gears(throttles: Floats, speeds: Floats) -> list[int]:
-    """The gear after each comparison: it changes at the third in a row beyond one threshold.
+    """Return the gear after each comparison: it changes at the third in a row beyond a threshold.
 
-    One that breaks the row begins none of its own, as in the chart of the original.
+    A comparison that breaks the row does not start a new one, as in the chart of the original.
     """
     gear, run, gears = 1, 0, []
     for throttle, speed in zip(throttles, speeds, strict=True):
@@ -175,7 +175,7 @@ def test_the_baseline_drives_at_half_throttle() -> None:
 
 
 def _always(values: Floats, begin: int, end: int) -> Floats:
-    """The least value from begin to end samples ahead, where the trace has them."""
+    """Return the minimum from start to end samples ahead, within the trace."""
     least: Floats = sliding_window_view(values, end - begin + 1)[begin:].min(axis=-1)
     return least
 
@@ -185,7 +185,7 @@ def _eventually(values: Floats, begin: int, end: int) -> Floats:
 
 
 def _robustness(speed: Floats, rpm: Floats, gear: Floats) -> dict[str, float]:
-    """The robustness of each requirement at the first sample, from its definition."""
+    """Return the robustness of each requirement at the first sample, from its definition."""
     expected = {
         "AT1": (120.0 - speed[:2001]).min(),
         "AT2": (4750.0 - rpm[:1001]).min(),
@@ -203,7 +203,7 @@ def _robustness(speed: Floats, rpm: Floats, gear: Floats) -> dict[str, float]:
 
 
 def _traces(seed: int) -> Floats:
-    """Courses that no car drives, so that every requirement is met by some and not by others."""
+    """Traces that no car drives, so that every requirement is both satisfied and violated."""
     rng = np.random.default_rng(seed)
     speed = rng.uniform([20.0], [160.0], 36).repeat(100)[: _STEPS + 1] * rng.choice([0.3, 0.6, 1])
     rpm = rng.uniform(600.0, [rng.choice([2900.0, 4700.0, 5500.0])], 36).repeat(100)[: _STEPS + 1]

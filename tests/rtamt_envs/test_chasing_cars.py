@@ -1,4 +1,4 @@
-"""Chasing cars: closed solutions, guards within a period, and what Euler steps make of it."""
+"""Chasing cars: closed solutions, guards within a period, and the error of Euler steps."""
 
 import gymnasium as gym
 import numpy as np
@@ -18,7 +18,7 @@ TIMES = np.arange(2001) * PERIOD
 
 
 def runs(actions: Floats, **options: float) -> Floats:
-    """The positions of environments: (k + 1, n, 5) under actions (k, n, 2)."""
+    """Return the positions of environments: (k + 1, n, 5) under actions (k, n, 2)."""
     env = gym.make_vec("rtamt/ChasingCars-v0", actions.shape[1])
     assert isinstance(env, ScenarioVectorEnv)
     first, _ = env.reset(seed=0, options=options)
@@ -26,14 +26,14 @@ def runs(actions: Floats, **options: float) -> Floats:
 
 
 def run(throttle: Floats | float, brake: Floats | float, steps: int = 2000, **gap: float) -> Floats:
-    """The positions of one run, (steps + 1, 5)."""
+    """Return the positions of one run, (steps + 1, 5)."""
     actions = np.empty((steps, 1, 2))
     actions[:, 0, 0], actions[:, 0, 1] = throttle, brake
     return runs(actions, **gap)[:, 0]
 
 
 def random_inputs(entries: int, seed: int) -> Floats:
-    """Inputs of instance 1: 10 control points each, joined by lines."""
+    """Return inputs of instance 1: 10 control points each, joined by lines."""
     rng = np.random.default_rng(seed)
     points = np.linspace(0, 100, 10)
     columns = [np.interp(TIMES[1:], points, row) for row in rng.random((2 * entries, 10))]
@@ -41,7 +41,7 @@ def random_inputs(entries: int, seed: int) -> Floats:
 
 
 def begun(speeds: list[float], modes: list[float], gap: float) -> tuple[Floats, Floats]:
-    """A state amid an episode without throttle and brake, and an observation to fill."""
+    """Return a state in an episode without throttle and brake, and an observation to fill."""
     state = np.zeros(SCENARIO.state)
     state[:5] = gap * np.arange(5)
     state[5:10] = speeds
@@ -51,7 +51,7 @@ def begun(speeds: list[float], modes: list[float], gap: float) -> tuple[Floats, 
 
 
 def coast(state: Floats, observation: Floats, steps: int) -> Floats:
-    """Steps without throttle and brake."""
+    """Take steps without throttle and brake."""
     rows = []
     for _ in range(steps):
         SCENARIO.step(np.zeros(2), SCENARIO.defaults, np.zeros(0), state, observation)
@@ -94,8 +94,8 @@ def test_car_1_obeys_inputs_that_change_all_the_way_within_a_period() -> None:
 
 
 def test_a_follower_chases_then_gives_way_then_chases() -> None:
-    speed = np.sqrt(8)  # when it has come from gap 14 to gap 10, at time `speed`
-    away = speed + 5 / speed  # when the gap is 15
+    speed = np.sqrt(8)  # the time from gap 14 to gap 10, and the speed then
+    away = speed + 5 / speed  # the time at which the gap is 15
     t = TIMES[:121]
     chased, kept = t - speed, t - away
     expected = np.where(
@@ -143,7 +143,7 @@ def test_many_guards_are_met_in_one_period() -> None:
 
 
 def least(name: str, y: Floats) -> list[float]:
-    """The robustness of a requirement in each environment."""
+    """Return the robustness of a requirement in each environment."""
     spec = SCENARIO.specifications[name]
     entries = [
         {f"y{car + 1}": row for car, row in enumerate(entry)} for entry in y.transpose(1, 2, 0)
@@ -160,7 +160,7 @@ def test_the_baseline_meets_every_requirement() -> None:
 
 
 def _euler(actions: Floats, step: float) -> Floats:
-    """The positions by the forward Euler method, guards checked before each step."""
+    """Return the positions by the forward Euler method, guards checked before each step."""
     entries = actions.shape[1]
     y, v = np.tile(10.0 * np.arange(5), (entries, 1)), np.zeros((entries, 5))
     chasing, keeping = np.ones((entries, 4), bool), np.zeros((entries, 4), bool)

@@ -1,4 +1,4 @@
-"""What every scenario promises, held against each of the registry."""
+"""The promises of every scenario, for each scenario of the registry."""
 
 import dataclasses
 import json

@@ -34,7 +34,7 @@ def one_by_one(name: str, mode: AutoresetMode, steps: int) -> SyncVectorEnv:
 
 
 def options_of(name: str) -> Iterator[dict[str, Any]]:
-    """Parameters of environments, for scenarios that have some."""
+    """Parameters of environments, for scenarios with parameters."""
     yield {}
     yield {
         parameter.name: np.linspace(parameter.low, parameter.high, ENTRIES + 2)[1:-1]

@@ -1,4 +1,4 @@
-"""The first crossing of a polynomial, held against its roots."""
+"""The first crossing of a polynomial, compared with its roots."""
 
 import math
 
@@ -17,7 +17,7 @@ def first(polynomial: list[float], level: float = 0.0, sign: float = 1.0) -> flo
 
 
 @given(coefficients, st.sampled_from([-1.0, 1.0]), st.floats(-4, 4).map(lambda x: round(x, 3)))
-@example([1.0, -6.0, 8.0], 1.0, 0.0)  # below 0 from 1/4 to 1/2 only: both ends are above
+@example([1.0, -6.0, 8.0], 1.0, 0.0)  # below 0 only from 1/4 to 1/2: both ends are above
 @example([0.125, -0.75, 1.125, 0.0], 1.0, 0.0)
 def test_it_is_the_first_root(polynomial: list[float], sign: float, level: float) -> None:
     found = first(polynomial, level, sign)

@@ -37,7 +37,7 @@ angles = st.floats(-math.pi, math.pi, exclude_min=True)
 
 
 def on_the_circle(x: float, y: float, heading: float, v: float, w: float, t: float) -> complex:
-    """The place after a constant twist, by the integral of exp(i (heading + w t))."""
+    """Return the position after a constant twist, by the integral of exp(i (heading + w t))."""
     if abs(w) < 1e-6:
         return complex(x, y) + v * t * cmath.exp(1j * (heading + w * t / 2))
     return complex(x, y) + v * (cmath.exp(1j * (heading + w * t)) - cmath.exp(1j * heading)) / (
@@ -138,7 +138,7 @@ def test_the_robot_never_touches_a_wall() -> None:
 
 
 def judged(parameters: dict[str, float], seed: int = 0) -> dict[str, float]:
-    """The robustness of each requirement under the baseline."""
+    """Return the robustness of each requirement under the baseline."""
     env = gym.make("rtamt/MobileRobot-v0", parameters=parameters)
     inner: Any = env.unwrapped
     run = simulate(env, inner.requirements, policy=inner.baseline, seed=seed, stop="end")

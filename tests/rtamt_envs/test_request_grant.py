@@ -13,7 +13,7 @@ from rtamt import evaluate
 from rtamt_gym import simulate
 
 PAPER = "always((req >= 3) implies eventually[0:5s](gnt >= 3))"
-# What the figure shows: the heights of a request at 2 s and of a grant at 6 s, each of 2 s.
+# The figure: the heights of a request at 2 s and of a grant at 6 s, each of 2 s.
 HEIGHTS = {"a": (6.0, 6.0), "b": (2.0, 2.0), "c": (6.0, 1.0), "d": (4.0, 1.0)}
 SETTINGS = {"a": {}, "b": {"height": 2.0}, "c": {"limit": 1.0}, "d": {"height": 4.0, "limit": 1.0}}
 STANDARD = {"a": 3.0, "b": 1.0, "c": -2.0, "d": -1.0}
@@ -56,7 +56,7 @@ def test_robustness_is_that_of_the_paper_under_each_semantics(
     granted = inner.requirements["granted"]
     run = simulate(env, granted, policy=inner.baseline, semantics=semantics, stop="end")
     assert run.histories["granted"].robustness[-1] == expected[signal]
-    # As the paper writes it: without an end, on the signal itself.
+    # As in the paper: unbounded, on the signal itself.
     trace = dict(zip(("req", "gnt"), observed(signal).T, strict=True))
     options: Any = {"semantics": semantics, "inputs": ["req"], "outputs": ["gnt"]}
     assert evaluate(PAPER, trace, period=0.1, **options)[0] == expected[signal]
@@ -72,7 +72,7 @@ def test_robustness_is_that_of_the_paper_under_each_semantics(
 @pytest.mark.parametrize("limit", [0.0, 4.0, 8.0])
 def test_a_grant_is_the_limited_request_of_a_delay_ago(delay: float, limit: float) -> None:
     env = made("RequestGrant", parameters={"delay": delay, "limit": limit})
-    requests = np.random.default_rng(1).uniform(0, 8, (400, 1))  # longer than what is kept
+    requests = np.random.default_rng(1).uniform(0, 8, (400, 1))  # longer than the stored past
     seen = course(env, requests)
     late = round(delay * 10)
     given = np.concatenate([np.zeros(late + 1), requests[:, 0]])[:401]

@@ -17,7 +17,7 @@ START = np.array([90.0, 80.0, 90.0, 107.8880952381, 0, 0, 0, 0, 0, 0])
 
 
 def runs(steam: Floats, **options: float) -> Floats:
-    """The observations of environments: (k + 1, n, 6) under flows of steam (k, n)."""
+    """Return the observations of environments: (k + 1, n, 6) under flows of steam (k, n)."""
     env = gym.make_vec("rtamt/SteamCondenser-v0", steam.shape[1])
     assert isinstance(env, ScenarioVectorEnv)
     first, _ = env.reset(seed=0, options=options)
@@ -31,7 +31,7 @@ def rates(steam: float, setpoint: float, state: Floats) -> Floats:
 
 
 def exact(state: Floats, steam: float, setpoint: float, seconds: float) -> Floats:
-    """The state after some time, by a method of order 8 with tight tolerances."""
+    """Return the state after some time, by a method of order 8 with tight tolerances."""
     found: Floats = solve_ivp(
         lambda _, state: rates(steam, setpoint, state),
         (0.0, seconds),
@@ -44,7 +44,7 @@ def exact(state: Floats, steam: float, setpoint: float, seconds: float) -> Float
 
 
 def test_a_halved_step_has_a_sixteenth_of_the_error() -> None:
-    """Where the tables have no corner: below 90 kPa."""
+    """In the smooth part of the tables: below 90 kPa."""
     begin = START - np.array([5.0, 0, 5.0, *[0] * 7])
     errors = []
     for steps in (50, 100, 200):

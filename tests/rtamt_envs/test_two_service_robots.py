@@ -34,7 +34,7 @@ def test_walls_stop_a_robot_and_the_other_robot_does_not() -> None:
     seen = course(env, np.repeat([towards, away], [100, 40], axis=0))
     corner = np.array([RADIUS, HEIGHT - RADIUS] * 2)
     np.testing.assert_array_equal(seen[100, :4], corner)
-    times = np.arange(41)[:, None] / 10  # from rest, as from the start
+    times = np.arange(41)[:, None] / 10  # from rest, as at the start
     late = 0.4 * (1 - np.exp(-times / 0.4))
     np.testing.assert_allclose(seen[100:, :4], corner + away * (times - late), rtol=1e-12)
     towards, away = [1.0, -1.0, 1.0, -1.0], -away
@@ -61,7 +61,7 @@ def test_a_station_is_served_within_20_cm_and_then_the_other_is_next() -> None:
 
 
 def judged(parameters: dict[str, float], seed: int = 0) -> dict[str, float]:
-    """The robustness of each requirement under the baseline."""
+    """Return the robustness of each requirement under the baseline."""
     env = gym.make("rtamt/TwoServiceRobots-v0", parameters=parameters)
     inner: Any = env.unwrapped
     run = simulate(env, inner.requirements, policy=inner.baseline, seed=seed, stop="end")

@@ -1,4 +1,4 @@
-"""Chasing cars against the second model, algebra and numpy's robustness."""
+"""Chasing cars against the second model, algebra and a robustness in NumPy."""
 
 import functools
 import math
@@ -16,7 +16,7 @@ TIMES = np.linspace(0.0, 100.0, 2001)
 
 
 def waveforms(case: int) -> Floats:
-    """The action of each step, the waveform at its end: 10 or 21 points, some at corners."""
+    """Return the action of each step, the waveform at its end: 10 or 21 points, some at corners."""
     rng = np.random.default_rng(case)
     times = np.linspace(0, 100, 21 if case % 2 else 10)
     values = rng.uniform(0, 1, (2, len(times)))
@@ -26,7 +26,7 @@ def waveforms(case: int) -> Floats:
 
 
 def knots(actions: Floats) -> tuple[Floats, Floats]:
-    """Times and values where the line through the actions bends; the first step holds its own."""
+    """Return times and values at the knots of the actions; the first step holds its own."""
     values = np.concatenate([actions[:1], actions])
     bent = np.abs(np.diff(values, n=2, axis=0)).max(1) > 1e-12
     keep = np.concatenate([[True], bent, [True]])
@@ -44,7 +44,8 @@ def traces() -> Floats:
 
 
 def test_positions_are_those_of_the_second_model() -> None:
-    # Both are exact between events, about 2000 of them in a run; DOP853 at 1e-12 leaves 1e-10.
+    # Both are exact between events, about 2000 of them in a run; DOP853 at 1e-12 has an error of
+    # 1e-10.
     for actions, trace in zip(inputs()[:3], traces()[:3], strict=True):
         times, values = knots(actions)
         rows = chasing.solve(times, values[:, 0], values[:, 1], TIMES)

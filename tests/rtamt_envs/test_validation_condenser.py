@@ -1,4 +1,4 @@
-"""The steam condenser against SciPy's implicit solvers and numpy's robustness."""
+"""The steam condenser against SciPy's implicit solvers and a robustness in NumPy."""
 
 import functools
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @functools.cache
 def inputs() -> Floats:
-    """Steam flows (12, 3500, 1): twenty pieces of 1.75 s, the last two cases at the corners."""
+    """Return steam flows (12, 3500, 1): twenty pieces of 1.75 s, the last two cases at corners."""
     rng = np.random.default_rng(7)
     flows = rng.uniform(3.99, 4.01, (12, 20))
     flows[10:] = rng.choice([3.99, 4.01], (2, 20))
@@ -28,8 +28,8 @@ def traces() -> Floats:
 
 
 def test_pressure_and_its_reading_are_those_of_an_implicit_solver() -> None:
-    # Radau and DOP853 at 1e-12 find the steps of 0.01 s 4e-8 kPa away from the solution; LSODA at
-    # 1e-10, which is faster, adds 2e-8.
+    # Radau and DOP853 at 1e-12 show an error of 4e-8 kPa for steps of 0.01 s; LSODA at 1e-10, which
+    # is faster, adds 2e-8.
     for case, trace in zip(inputs(), traces(), strict=True):
         rows = condenser.solve(case[:, 0])
         np.testing.assert_allclose(trace[:, [0, 5]], rows[:, [3, 0]], rtol=0, atol=1e-7)

@@ -1,4 +1,4 @@
-"""The aircraft elevator against Taylor series, under faults too, and its map against numpy."""
+"""The aircraft elevator against Taylor series, also with faults, and its map against NumPy."""
 
 import functools
 import math
@@ -21,21 +21,21 @@ NAMES = {0: "isolated", 1: "off", 2: "passive", 3: "standby", 4: "active"}
 
 @functools.cache
 def flown() -> Floats:
-    """Observations of the sixteen waves without a fault."""
+    """Return observations of the sixteen waves without a fault."""
     return observed("AircraftElevator", WAVES[..., None])
 
 
 @functools.cache
 def solved() -> Floats:
-    """What is observed if the elevator moves as the second model says."""
+    """Return the observations for the movement of the second model."""
     rows = flown().copy()
     rows[:, :, 1] = rows[:, :, 2] = elevator.solve(WAVES)
     return rows
 
 
 def test_positions_without_a_fault_are_those_of_the_series() -> None:
-    # The series is exact to 1e-12; ten substeps of Runge and Kutta's method leave 1.3e-7 cm, and
-    # 1.7e-5 cm where an actuator takes over with a pressure that does not fit the position.
+    # The series is exact to 1e-12. Ten substeps of Runge and Kutta's method have an error of 1.3e-7
+    # cm, and 1.7e-5 cm if an actuator takes over with a pressure that does not fit the position.
     np.testing.assert_array_equal(flown()[:, 1:, 0], WAVES)
     np.testing.assert_allclose(flown(), solved(), rtol=0, atol=1e-6)
 
@@ -74,9 +74,9 @@ def test_the_map_of_the_scenarios_requirement_is_that_of_numpy_on_the_series() -
 
 
 def test_the_map_of_the_papers_formula_is_that_of_numpy_on_the_series() -> None:
-    # An observation has the command of the step before it, so the rise at 10 s is not in it. With
-    # the command of its own time it is, unanswered, and the map is the one that
-    # test_validation_models.py has: -.014 and -.517 in place of .6 and .85 in the first row.
+    # An observation has the command of the step before it, so it does not contain the rise at 10 s.
+    # With the command of its own time it does, unanswered, and the map is the one of
+    # test_validation_models.py: -.014 and -.517 instead of .6 and .85 in the first row.
     formula = """historically(rise(pc >= 0.9) implies
         eventually[0:1](always[0:1](abs(pc - lep) <= 3)))"""
     found = []

@@ -24,8 +24,8 @@ def test_transmission_reproduces_the_two_values_of_simulink() -> None:
 
 
 def test_transmission_in_fixed_steps_converges_with_order_one_to_the_adaptive_solution() -> None:
-    # The right side jumps where the car starts, shifts, or the engine reaches its least speed;
-    # the formula of fifth order, whose steps do not end there, is of first order there.
+    # The right side jumps when the car starts or shifts, or the engine reaches its minimum speed.
+    # The steps of the formula of fifth order do not end there, so it is of first order there.
     rng = np.random.default_rng(3)
     throttle, brake = pieces(rng, 0, 100, 2, 500), pieces(rng, 0, 325, 2, 500)
     exact = transmission.solve(throttle, brake)
@@ -53,7 +53,7 @@ def test_transmission_is_the_same_to_another_adaptive_solver() -> None:
 
 
 def test_cars_at_full_throttle_are_parabolas() -> None:
-    # y1 = -t^2/2; every follower leaves when the gap is 15, sqrt(10) s after the car before it.
+    # y1 = -t^2/2; every follower leaves at gap 15, sqrt(10) s after the car before it.
     times = np.linspace(0.0, 100.0, 2001)
     ends = np.array([0.0, 100.0])
     rows = chasing.solve(ends, np.ones(2), np.zeros(2), times)

@@ -1,4 +1,4 @@
-"""The robots against the integral of their velocity and SciPy's solver; requests against numpy."""
+"""The robots against the integral of their velocity and SciPy's solver; requests against NumPy."""
 
 import itertools
 import math
@@ -25,7 +25,7 @@ def commands(name: str, entries: int, pieces: int, each: int, seed: int = 0) -> 
 
 
 def room(x: float, y: float) -> float:
-    """Metres between the robot at (x, y) and what is nearest to it."""
+    """Return metres between the robot at (x, y) and the nearest obstacle."""
     near = [x, 10 - x, y, 7 - y]
     near += [math.dist((x, y), np.clip((x, y), box[:2], box[2:])) for box in OBSTACLES]
     return min(near) - 0.2

@@ -1,4 +1,4 @@
-"""The automatic transmission against Simulink's values, its second model and numpy's robustness."""
+"""The automatic transmission against Simulink, its second model and a robustness in NumPy."""
 
 import functools
 import itertools
@@ -18,7 +18,7 @@ CASES, STEPS = 9, 3500
 
 @functools.cache
 def inputs() -> Floats:
-    """Throttle and brake of each case, (9, 3500, 2): seven pieces, any pieces, or corners."""
+    """Return throttle and brake, (9, 3500, 2): seven pieces, any pieces, or corners."""
     rng = np.random.default_rng(13)
     found = np.empty((CASES, STEPS, 2))
     for i, case in enumerate(found):
@@ -29,7 +29,7 @@ def inputs() -> Floats:
             case[begin:end] = rng.uniform(0, [100, 325])
             if i % 3 == 2:
                 case[begin:end] = rng.choice([0, 50, 100]), rng.choice([0, 0, 325])
-    found[-1] = 0, 325  # a car that brakes to a stand
+    found[-1] = 0, 325  # a car that brakes to a stop
     found[-1, :300] = 60, 0
     return found
 
@@ -49,9 +49,9 @@ def test_the_environment_gives_the_two_values_of_simulink() -> None:
 
 
 def test_every_sample_is_that_of_the_second_model_in_the_same_steps() -> None:
-    # Both step with Dormand and Prince's formula at 0.01 s: only rounding differs. Simulink logs
-    # the gear that a shift at time t gives at t, the environment, which cannot know the action
-    # that is to come, at the next sample.
+    # Both step with Dormand and Prince's formula at 0.01 s, so only rounding differs. Simulink logs
+    # the gear of a shift at time t at t; the environment, which cannot know the next action, logs
+    # it at the next sample.
     for case, trace in zip(inputs(), traces(), strict=True):
         rows = transmission.fixed_step(case[:, 0], case[:, 1])
         np.testing.assert_array_equal(trace[1:, 2], rows[:-1, 2])
@@ -60,10 +60,10 @@ def test_every_sample_is_that_of_the_second_model_in_the_same_steps() -> None:
 
 
 def test_every_sample_is_near_the_solution_without_a_step() -> None:
-    # The fixed step costs what a step of first order costs where the right side jumps: at the
-    # start, at shifts, at new inputs. test_validation_models.py shows that it halves with the step.
-    # A car that stands under the brake (the last case) trembles; 2 rpm is how far the engine can
-    # be from its least speed a sample before it is there.
+    # At jumps of the right side, which are the start, shifts and new inputs, the fixed step has the
+    # error of a method of first order. test_validation_models.py shows that it halves with the
+    # step. A car that stands under the brake (the last case) trembles; the engine can be 2 rpm from
+    # its minimum speed one sample before it reaches it.
     for case, trace in zip(inputs()[::2], traces()[::2], strict=True):
         rows = transmission.solve(case[:, 0], case[:, 1])
         np.testing.assert_array_equal(trace[1:, 2], rows[:-1, 2])

@@ -1,4 +1,4 @@
-"""The packages for colcon fit the Python package that they start."""
+"""The colcon packages match the Python package that they start."""
 
 import configparser
 import os
@@ -80,7 +80,7 @@ endmacro()
 
 
 def configured(folder: Path, there: Collection[str]) -> subprocess.CompletedProcess[str]:
-    """What CMake says of rtamt_msgs where these of the packages that it needs are there."""
+    """Return the output of CMake for rtamt_msgs with these packages installed."""
     for name in there:
         (folder / f"{name}Config.cmake").write_text(STANDS_FOR_ROS)
     places = [f"-D{name}_DIR={folder}" for name in there]

@@ -1,4 +1,4 @@
-"""The command line of a node: what it refuses, which ROS it takes, what it says of itself."""
+"""The command line of a node: its errors, its choice of ROS, its messages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SPEC = ("--spec", "always(x > 1)")
 
 
 def installed(monkeypatch: pytest.MonkeyPatch, libraries: Iterable[str]) -> None:
-    """Lets these of rospy and rclpy be installed."""
+    """Simulate that these of rospy and rclpy are installed."""
     found = set(libraries)
     monkeypatch.setattr(generation, "find_spec", lambda name: name if name in found else None)
 
@@ -208,7 +208,7 @@ def test_files_and_texts_are_monitored_together() -> None:
 
 
 class Played(MemoryMiddleware):
-    """Sends x = 2 and then ticks twice, instead of waiting; knows whether it was closed."""
+    """Sends x = 2 and then ticks twice instead of waiting; records whether it was closed."""
 
     closed = False
 
@@ -231,7 +231,7 @@ class Played(MemoryMiddleware):
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Played:
-    """What the command runs on in place of ROS 1."""
+    """Replaces ROS 1 for the command."""
     ros = Played()
     installed(monkeypatch, ["rospy"])
     monkeypatch.setattr(command, "open_node", lambda *_: ros)
@@ -248,7 +248,7 @@ def test_command_runs_a_node(played: Played, tmp_path: Path) -> None:
     assert [line.split(",")[1:] for line in record.read_text().splitlines()] == [
         ["x", "robustness", "lower", "upper", "verdict"],
         ["2.0", "1.0", "1.0", "1.0", "1"],
-        ["1.25", "0.25", "1.0", "1.0", "1"],  # bounds and verdict are about the first sample
+        ["1.25", "0.25", "1.0", "1.0", "1"],  # bounds and verdict of the first sample
     ]
 
 

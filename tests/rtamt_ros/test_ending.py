@@ -1,4 +1,4 @@
-"""A node ends when a signal, another thread or a callback asks for it."""
+"""A signal, another thread or a callback can end a node."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @pytest.fixture(autouse=True)
 def as_in_a_terminal() -> Iterator[None]:
-    """What a shell script starts in the background has SIGINT ignored."""
+    """A process that a shell script starts in the background ignores SIGINT."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -49,7 +49,7 @@ def test_it_ends_for_good_and_for_all_who_wait() -> None:
 
 @pytest.fixture
 def at_once() -> Iterator[None]:
-    """SIGINT ends the process at once, as `run_module` has it until there is a node."""
+    """SIGINT ends the process at once, as `run_module` sets it until there is a node."""
     before = [signal.getsignal(each) for each in SIGNALS]
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     yield
@@ -94,7 +94,7 @@ sys.exit(run_module(sys.argv[1], sys.argv[3:]))
 @pytest.mark.parametrize("event", [1, 3, 30, 100, 300])
 @pytest.mark.parametrize("module", ["rtamt_ros.command", "rtamt_ros.simulator.robots"])
 def test_ctrl_c_before_there_is_a_node_says_nothing(module: str, event: int) -> None:
-    """At whatever Python does: at the number of an event that it announces to who audits it."""
+    """At any point of Python: at the number of an audit event."""
     words = [module, str(event), "--ros", "1"] + ["--spec", "x > 1"] * ("command" in module)
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, *words], capture_output=True, text=True, check=False

@@ -1,4 +1,4 @@
-"""What is shipped to start a monitor and to look at it fits the node that it starts."""
+"""The shipped files that start and show a monitor match its node."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DEFAULTS = {name: default for name, (default, _) in PARAMETERS.items()}
 
 @pytest.fixture(scope="module")
 def published() -> set[str]:
-    """The topics of numbers that a monitor of `FOLLOWS` publishes."""
+    """Return the topics of numbers that a monitor of `FOLLOWS` publishes."""
     ros = MemoryMiddleware()
     node = MonitorNode(ros, [load(FOLLOWS)])
     node.start()
@@ -42,7 +42,7 @@ def published() -> set[str]:
 
 
 def given(words: str) -> dict[str, Any]:
-    """The options in words of the command; they are such that a monitor starts."""
+    """Return the options in the words of the command, with which a monitor starts."""
     options, _ = split_arguments(_parser(), shlex.split(words))
     found = vars(options)
     found["spec_file"] = found.pop("stl")
@@ -117,12 +117,12 @@ def test_aggregator_files_group_the_states_of_monitors() -> None:
 
 
 def read_yaml(name: str) -> Any:  # noqa: ANN401
-    """The values in a file of the package."""
+    """Return the values in a file of the package."""
     return YAML(typ="safe").load((FOLDER / name).read_text(encoding="utf-8"))
 
 
 def settings_of(text: str) -> dict[str, str]:
-    """The settings in a file of an environment."""
+    """Return the settings in a file of an environment."""
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return dict(line.split("=", 1) for line in lines)
 
@@ -150,7 +150,7 @@ def test_systemd_unit_starts_the_command() -> None:
 
 
 def panels(layout: Any) -> Iterator[str]:  # noqa: ANN401 - a tree of JSON
-    """The panels of a layout of Foxglove; a branch has two and says how it is cut."""
+    """Return the panels of a layout of Foxglove; a branch has two and a direction."""
     if isinstance(layout, str):
         yield layout
         return
@@ -213,7 +213,7 @@ def test_the_layout_of_plotjuggler_shows_the_topics(published: set[str]) -> None
     assert streamer is not None
     assert plugin is not None
     assert streamer.attrib["name"] == plugin.attrib["ID"] == "ROS2 Topic Subscriber"
-    # PlotJuggler takes an element that is missing for false, or for arrays of at most 0 elements.
+    # PlotJuggler reads a missing element as false, or as arrays of at most 0 elements.
     settings = {each.tag: each.attrib["value"] for each in plugin if each.tag != "selected_topics"}
     assert settings == {
         "use_header_stamp": "false",

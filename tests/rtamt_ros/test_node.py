@@ -1,4 +1,4 @@
-"""What a node subscribes to, publishes and refuses."""
+"""The subscriptions, publications and errors of a node."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ out.value = always[0:0.2](near)
 
 
 def drive(ros: MemoryMiddleware, speeds: list[tuple[float, float]]) -> None:
-    """Commands and speeds, one pair a period."""
+    """Publish commands and speeds, one pair per period."""
     for command, speed in speeds:
         ros.send("robot0/cmd_vel", message("geometry_msgs", "Twist", linear__x=command))
         ros.send("/robot0/odom", message("nav_msgs", "Odometry", twist__twist__linear__x=speed))
@@ -40,7 +40,7 @@ def drive(ros: MemoryMiddleware, speeds: list[tuple[float, float]]) -> None:
 
 
 def open_ends(ros: MemoryMiddleware) -> tuple[int, int, int]:
-    """How many publishers, subscriptions and timers are open."""
+    """Return the number of open publishers, subscriptions and timers."""
     return len(ros.publishers), len(ros.subscriptions), len(ros.timers)
 
 
@@ -68,7 +68,7 @@ def test_text_of_the_paper_runs() -> None:
     assert ros.data("rtamt/near") == pytest.approx([-0.65, -0.4, 0.1, 0.1])
     found = [(each.header.stamp.ns, each.value) for each in ros.on("rtamt/c")]
     assert found == [(begin, -0.65), (begin + 100 * MS, -0.4)]
-    # The verdict is about the begin, at which the robot is too slow.
+    # The verdict is about the start, at which the robot is too slow.
     assert ros.data("rtamt/c/verdict") == [-1]
     assert ros.data("rtamt/c/upper") == pytest.approx([-0.65])
 
@@ -287,7 +287,7 @@ def test_start_and_stop_are_idempotent() -> None:
     assert open_ends(ros) == (0, 0, 0)
     assert not node.running
     before = len(ros.published)
-    tick(ros.time)  # a callback that was waiting
+    tick(ros.time)  # a waiting callback
     assert len(ros.published) == before
 
 

@@ -1,4 +1,4 @@
-"""Clocks and stamps that jump: monitors begin anew, and messages out of order are left out."""
+"""Clocks and stamps that jump: monitors restart, and messages out of order are omitted."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ODOM = "from nav_msgs.msg import Odometry; input Odometry odom; "
 
 
 def odometry(speed: float, stamp: int | None = None) -> object:
-    """A message with a stamp."""
+    """Return a message with a stamp."""
     return message("nav_msgs", "Odometry", stamp=stamp, twist__twist__linear__x=speed)
 
 
@@ -31,7 +31,7 @@ def test_looped_bag_restarts_monitors() -> None:
             send(ros, "x", 10.0 * loop + 5 - n)
             ros.tick()
     found = ros.data("rtamt/spec")
-    # The first look after each jump forgets what came before it, and has a new message already.
+    # The first look after each jump forgets earlier messages, and has a new one already.
     assert found == [5, 4, 3, 2, 1, 15, 14, 13, 12, 11, 25, 24, 23, 22, 21]
     assert node.reports[0].restarts == 2
     assert node.reports[0].restarted_because == "the clock went back by 0.4 s"
@@ -70,7 +70,7 @@ def test_small_jumps_back_add_up() -> None:
         send(ros, "x", 10.0 - time / 100)
         ros.tick()
     found = ros.data("rtamt/spec")
-    assert math.isnan(found.pop(3))  # a point to which the clock went back, and after it x came
+    assert math.isnan(found.pop(3))  # the time to which the clock went back, followed by x
     assert found == [10.0, 9.0, 8.0, 9.01, 8.0]
     assert node.reports[0].restarted_because == "the clock went back by 0.1 s"
 
@@ -83,7 +83,7 @@ def test_no_robustness_before_a_simulated_clock_starts() -> None:
     assert node.reports[0].text == "waiting for the clock"
     assert node.reports[0].level == Level.WARN
     assert not ros.on("rtamt/spec")
-    ros.tick(5000 * SECOND)  # a latched message came before
+    ros.tick(5000 * SECOND)  # a latched message arrived before
     assert ros.data("rtamt/spec") == [1.0]
 
 
@@ -129,7 +129,7 @@ def test_the_age_by_stamps_is_that_of_the_stamp() -> None:
     ros.tick()
     assert node.reports[0].text == "odom stale 0.7 s"
     ros.time += 100 * MS
-    ros.send("rtamt/odom", odometry(1.0))  # a stamp that is not set: the time of receipt
+    ros.send("rtamt/odom", odometry(1.0))  # a stamp of zero: the time of arrival counts
     ros.tick()
     assert node.reports[0].stale == ()
 

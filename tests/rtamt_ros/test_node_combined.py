@@ -1,4 +1,4 @@
-"""One message for each sample with all requirements, on request."""
+"""Optionally one message for each sample with all requirements."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TEXTS = [
 
 
 def rows(message: Any) -> dict[str, dict[str, str]]:  # noqa: ANN401 - the classes of ROS have no types
-    """The values of each requirement in a message."""
+    """Return the values of each requirement in a message."""
     return {row.name: {value.key: value.value for value in row.values} for row in message.status}
 
 
@@ -49,7 +49,7 @@ def test_combined_message_equals_monitors(
         ros.time = START + number * PERIOD
         send(ros, "x", x)
         send(ros, "y", y)
-        if not number or looks or ros.time - last >= 4 * PERIOD:  # else the look is late
+        if not number or looks or ros.time - last >= 4 * PERIOD:  # otherwise the look is late
             ros.tick()
             last = ros.time
     ros.tick()
@@ -104,7 +104,7 @@ def test_combined_trigger_counts_equal_judge(text: str, steps: list[tuple[float,
         counts = [
             trigger.samples for trigger in judge(spec, trace, period=0.1, end="open").triggers
         ]
-        if TEXTS.index(text) == 3:  # the second left side looks 0.2 s ahead
+        if TEXTS.index(text) == 3:  # the second left side reads 0.2 s ahead
             lefts = evaluate(f"float64 x\nfloat64 y\n{AHEAD}", so_far, period=0.1)
             counts[1] = int(holds(lefts)[: max(0, number - 1)].sum())
         assert said == " ".join(map(str, counts))

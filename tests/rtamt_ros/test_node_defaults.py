@@ -25,7 +25,7 @@ STEPS = st.lists(
 
 
 def said(ros: MemoryMiddleware, node: MonitorNode) -> list[str]:
-    """What was published of the requirement, and what is said of it."""
+    """Return the published values and the reports of the requirement."""
     numbers = [repr(ros.data(f"rtamt/out{what}")) for what in ("", "/upper", "/verdict")]
     texts = [report._replace(defaults=()).text for report in node.reports]
     return [*numbers, *texts]
@@ -97,8 +97,8 @@ def test_dense_default_lasts() -> None:
     begin = ros.time
     for n, a in enumerate((0.0, 1.0, 2.0)):
         ros.send("rtamt/m", message("my_msgs", "Parts", stamp=begin + n * 100 * MS, a=a))
-    assert ros.data("rtamt/out") == [0.5, -0.5]  # of 2.0 nothing is known before the next stamp
-    send(ros, "limit", 5.0)  # late: the default has lasted until 2.0 came
+    assert ros.data("rtamt/out") == [0.5, -0.5]  # nothing is known of 2.0 before the next stamp
+    send(ros, "limit", 5.0)  # late: the default was valid until 2.0
     ros.time = begin + 300 * MS
     send(ros, "limit", 6.0)
     ros.send("rtamt/m", message("my_msgs", "Parts", stamp=begin + 300 * MS, a=3.0))
@@ -112,7 +112,7 @@ LIVE = [TopicPublisher("/robot", keeps=False)]
 
 
 def later(ros: MemoryMiddleware, seconds: float, x: float = 0.6) -> None:
-    """A message of x and a look, some seconds later on all clocks."""
+    """Publish a message of x and look, some seconds later on all clocks."""
     ros.time += round(seconds * SECOND)
     send(ros, "x", x)
     ros.tick()
@@ -195,7 +195,7 @@ def test_replacement_keeps_the_last_messages(*, dense: bool) -> None:
 
 @pytest.mark.parametrize("dense", [False, True])
 def test_replacement_equals_a_reset(*, dense: bool) -> None:
-    """The formula depends on the start of the run: nothing before it may count."""
+    """The formula depends on the start of the run: no earlier message may count."""
     text = "input float64 x; input float64 limit; out = historically[0:10](x < limit)"
     options: dict[str, Any] = {"dense": dense, "stale_of": {"rtamt/limit": float("inf")}}
     results = []

@@ -1,4 +1,4 @@
-"""A node in dense time: messages are events at their times, and nothing is sampled."""
+"""A node in dense time: messages are events at their times, without sampling."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STEPS = st.lists(
 
 
 def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node in dense time that runs."""
+    """Return a running node in dense time."""
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, [text], Settings(dense=True, **cast("Any", settings)))
     node.start()
@@ -47,19 +47,19 @@ def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNod
 
 
 def parts(a: float, b: float, stamp: int | None = None) -> object:
-    """A message with two values."""
+    """Return a message with two values."""
     return message("my_msgs", "Parts", a=a, b=b, stamp=stamp)
 
 
 def published(ros: MemoryMiddleware) -> list[tuple[int, float]]:
-    """The times and the robustness that were published."""
+    """Return the published times and robustness."""
     return [(each.header.stamp.ns, each.value) for each in ros.on("rtamt/out")]
 
 
 def signals(
     events: dict[str, list[tuple[int, float, float]]], origin: int
 ) -> dict[str, list[tuple[float, float]]]:
-    """The events of the fields of m and n, from the last before both are known."""
+    """Return the events of the fields of m and n, from the last one before both are known."""
     begin = max(event[0][0] for event in events.values())
     found = {}
     for name, each in events.items():
@@ -90,7 +90,7 @@ def test_dense_by_arrival_equals_evaluate(
     if not (events["m"] and events["n"]):
         assert not published(ros)
         return
-    # Silence means that a value lasts: until just before the last look.
+    # A silent topic keeps its value until just before the last look.
     spec = rtamt.parse(text)
     given_ = signals(events, START)
     end = (ros.time - 1 - START) / 1e9
@@ -160,10 +160,10 @@ def test_dense_robustness_is_published_early() -> None:
     ros.send("rtamt/n", parts(1, 0))
     begin = ros.time
     ros.tick(begin + 200 * MS)
-    assert published(ros) == []  # the window of the begin ends now, at an instant not yet over
+    assert published(ros) == []  # the window of the start ends now, at an instant that is not over
     ros.tick(begin + 250 * MS)
     assert published(ros) == [(begin, 4.0)]
-    ros.time += 50 * MS  # m falls at begin + 300 ms: known for begin + 100 ms
+    ros.time += 50 * MS  # m falls at start + 300 ms: known for start + 100 ms
     ros.send("rtamt/m", parts(2, 0))
     ros.tick(ros.time + 1 * MS)
     assert published(ros) == [(begin, 4.0), (begin + 100 * MS, 1.0)]
@@ -334,7 +334,7 @@ def test_dense_violation_counts_before_restart(formula: str, restart: str) -> No
         case "clock":
             ros.time -= 10 * SECOND
         case "stamps":
-            for later in range(2):  # a single message would be a stray
+            for later in range(2):  # a single message would be out of line
                 ros.send("rtamt/m", parts(5.0, 0, begin - 10 * SECOND + later))
         case "stale":
             ros.tick(ros.time + SECOND)

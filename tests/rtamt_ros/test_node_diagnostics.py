@@ -88,13 +88,13 @@ BACK = Level.OK, "registered again"
 
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nodes look around at once, and again and again."""
+    """Let nodes look at once, and repeatedly."""
     monkeypatch.setattr(rtamt_ros.node, "SEARCH_AFTER", 0.0)
     monkeypatch.setattr(rtamt_ros.node, "WATCH_PERIOD", 0.001)
 
 
 def states(ros: MemoryMiddleware) -> list[list[tuple[str, int, str]]]:
-    """The names, levels and texts of all diagnostics but those of requirements."""
+    """Return the names, levels and texts of diagnostics, without requirements."""
     arrays = [each.status for each in ros.on("/diagnostics")]
     return [[(one.name, one.level, one.message) for one in array[1:]] for array in arrays]
 

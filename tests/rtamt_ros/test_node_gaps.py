@@ -1,4 +1,4 @@
-"""Silent inputs and messages that cannot be read: never a frozen verdict."""
+"""Silent inputs and unreadable messages: the verdict never stays as it was."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_when_an_input_is_stale_can_be_said(
     ros, node = started("x > 0", dense=dense, **settings)
     send(ros, "x", 1.0)
     ros.tick()
-    # A sample is stale when its own time is too late, events are at any time.
+    # A sample is stale at its own late time, an event at any time.
     period = 1 if dense else node.settings.period // MS
     last = limit - limit % period
     for late, stale in ((last, ()), (last + period, ("x",))):
@@ -264,7 +264,7 @@ def test_unreadable_message_is_reported(ranges: object, problem: str) -> None:
     for n in range(1, 8):
         ros.send("rtamt/scan", bad)
         ros.tick(START + (n + 1) * 100 * MS)
-        if n <= 5:  # the last value that could be read is held
+        if n <= 5:  # the last readable value is held
             assert ros.latched("rtamt/spec") == 1.0
             assert node.reports[0].level == Level.WARN
             assert node.reports[0].text == f"satisfied, robustness 1; {problem}"

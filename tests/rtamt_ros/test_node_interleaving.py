@@ -1,4 +1,4 @@
-"""Messages and looks in threads of their own, in every order in which they may take turns."""
+"""Messages and looks in threads of their own, in every possible order of turns."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PERIOD = 3_333_333
 
 @dataclass
 class Running(MemoryMiddleware):
-    """A middleware whose clock runs on by two periods at every reading, where threads change."""
+    """A middleware whose clock advances two periods per reading, at which threads change."""
 
     turns: Turns = field(default_factory=Turns)
     readings: dict[int, int] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Running(MemoryMiddleware):
 def started(
     turns: Turns, monkeypatch: pytest.MonkeyPatch, text: str, **settings: object
 ) -> tuple[Running, MonitorNode]:
-    """A node that runs, whose threads take turns."""
+    """Return a running node with threads that take turns."""
     ros = Running(time=START, turns=turns)
     options = {"period": PERIOD, "stale": math.inf, **settings}
     node = MonitorNode(ros, [text], Settings(**options))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Lost and late messages are counted, and a suspension is not the fault of an input."""
+"""Lost and late messages are counted, and a suspension is not a fault of an input."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ START = 1000 * SECOND
 
 
 def number(value: float) -> Any:  # noqa: ANN401 - the classes of ROS have no types
-    """A message with a number."""
+    """Return a message with a number."""
     return message("std_msgs", "Float64", data=value)
 
 
 @given(st.lists(st.tuples(st.integers(1, 30), st.integers(1, 3)), max_size=25))
 def test_losses_are_the_gaps_of_one_publisher(steps: list[tuple[int, int]]) -> None:
-    """Each step is a number and how many publishers there are then."""
+    """Each step is a number and the count of publishers at that time."""
     count = LossCount()
     for name, publishers in steps:
         count.follow(publishers)
@@ -71,7 +71,7 @@ def test_lost_messages_are_in_text_and_diagnostics(*, dense: bool) -> None:
 
 
 def resumed(**settings: Any) -> tuple[MemoryMiddleware, MonitorNode]:  # noqa: ANN401
-    """A node that was suspended for 3.3 s while 33 messages came, of which 20 were lost."""
+    """Return a node after a suspension of 3.3 s with 33 messages, of which 20 were lost."""
     ros, node = started("out = historically(x > 0)", **settings)
     for name in range(5):
         ros.time += 100 * MS
@@ -90,9 +90,12 @@ def test_a_suspension_is_the_reason_of_a_restart() -> None:
     (report,) = node.reports
     reason = "nothing was evaluated for 3.3 s; 13 messages of x came at once, 20 were lost"
     assert report.restarted_because == reason
-    assert (report.robustness, report.violations) == (2.0, 0)  # what came meanwhile is not judged
+    assert (report.robustness, report.violations) == (
+        2.0,
+        0,
+    )  # messages of the suspension are not judged
     assert "stale" not in report.text
-    for _ in range(10):  # nothing comes any more
+    for _ in range(10):  # no more messages arrive
         ros.time += 100 * MS
         ros.tick()
     assert node.reports[0].text.startswith("x stale 1.0 s")

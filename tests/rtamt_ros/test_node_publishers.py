@@ -16,7 +16,7 @@ WORDS = "2 publishers of /rtamt/x: /a, /b"
 
 
 def seconds(ros: MemoryMiddleware, value: float, publishers: list[TopicPublisher]) -> None:
-    """Half a second with messages of these publishers."""
+    """Run half a second with messages of these publishers."""
     ros.publishing = {"rtamt/x": publishers}
     for _ in range(5):
         ros.time += 100 * MS

@@ -1,4 +1,4 @@
-"""Records of a node, which rtamt reads and no start overwrites."""
+"""Records of a node, which rtamt reads and no restart overwrites."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rtamt_ros.node import MonitorNode, Settings
 
 
 def rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file."""
+    """Return the rows of a CSV file."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -59,7 +59,7 @@ def test_rtamt_monitor_reads_records(
         ros.tick()
     node.stop()
     out = tmp_path / "robustness.csv"
-    # The node waits for a value of every variable, as --start known does.
+    # The node waits for a value of every variable, as with --start known.
     options = ["--dense", "--start", "known"] if dense else []
     assert main(["monitor", text, str(tmp_path / "run.csv"), "--out", str(out), *options]) < 2
     table = rows(out)

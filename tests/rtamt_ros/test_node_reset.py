@@ -1,4 +1,4 @@
-"""The service that begins monitors anew, and what is left of what was before."""
+"""The service that restarts monitors, and the state that remains."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VALUES = st.sampled_from([-2.0, -0.0, 0.0, 1.0, 3.0])
 
 
 def play(ros: MemoryMiddleware, values: list[float], begin: int) -> None:
-    """A value of x before every sample, from a point of the grid on."""
+    """Publish x before every sample, from a point of the grid on."""
     for number, value in enumerate(values):
         ros.time = begin + number * PERIOD
         send(ros, "x", value)
@@ -74,7 +74,7 @@ def test_reset_forgets_violations(dense: bool) -> None:  # noqa: FBT001
     assert "violated 1 time since start, first at 1000.100 s" in bounded
     assert other == "other: new run; was: waiting for y"
     assert ros.lines[-1] == (Level.WARN, said)
-    # Until the next sample the topics say that nothing is known; y has never come.
+    # Until the next sample the topics report that nothing is known; y has never arrived.
     for part in ("", "/lower", "/upper"):
         assert math.isnan(ros.latched(f"rtamt/bounded{part}"))
         assert not ros.data(f"rtamt/other{part}")
@@ -104,7 +104,7 @@ def test_resets_and_restarts_are_counted_apart() -> None:
     ros.call("reset")
     play(ros, [1.0], START + 2 * PERIOD)
     ros.tick(START + 20 * PERIOD)  # stale
-    ros.call("reset")  # the run has ended already: the next is told to begin
+    ros.call("reset")  # the run has already ended: the reset applies to the next one
     play(ros, [1.0], START + 21 * PERIOD)
     ros.tick(START + 40 * PERIOD)
     play(ros, [1.0], START + 41 * PERIOD)

@@ -1,4 +1,4 @@
-"""Samples of a node: what came by start + n periods, judged like the samples of any trace."""
+"""Samples of a node: the messages by start + n periods, judged like the samples of any trace."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from rtamt_msgs.msg import FloatMessage
 output FloatMessage out
 float64 x
 """
-VALUES = st.sampled_from([-3.0, -0.5, -0.0, 0.0, 1.0, 2.5, 1e300])  # inf - inf is no number
+VALUES = st.sampled_from([-3.0, -0.5, -0.0, 0.0, 1.0, 2.5, 1e300])  # inf - inf is not a number
 # (milliseconds since the last one, the topic, the value); "tick" is the timer.
 STEPS = st.lists(
     st.tuples(st.integers(0, 60), st.sampled_from(["x", "odom", "tick"]), VALUES), max_size=60
@@ -46,7 +46,7 @@ STEPS = st.lists(
 
 
 def send(ros: MemoryMiddleware, topic: str, value: float) -> None:
-    """A message of x or of odom."""
+    """Publish a message of x or of odom."""
     if topic == "x":
         ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
     else:
@@ -54,12 +54,12 @@ def send(ros: MemoryMiddleware, topic: str, value: float) -> None:
 
 
 def held_at(time: int, came: list[tuple[int, float]]) -> float | None:
-    """The last value that came by a time."""
+    """Return the last value that arrived by a time."""
     return next((value for at, value in reversed(came) if at <= time), None)
 
 
 def check_bounds(ros: MemoryMiddleware, expected: list[tuple[float, float, int]]) -> None:
-    """Bounds and verdicts are published whenever they are new."""
+    """Check that bounds and verdicts are published at every change."""
     for at, what in enumerate(("lower", "upper", "verdict")):
         found = [repr(value) for value in ros.data(f"rtamt/spec/{what}")]
         assert found == [value for value, _ in groupby(repr(each[at]) for each in expected)]
@@ -86,7 +86,7 @@ def test_samples_equal_evaluate(steps: list[tuple[int, str, float]], text: str, 
             continue
         due = START + (ros.time - START) // PERIOD * PERIOD
         if before is not None and due - before > 500 * MS:
-            return  # a gap: the node begins anew
+            return  # a gap: the node restarts
         ros.tick()
         for point in range(due if before is None else before + PERIOD, due + 1, PERIOD):
             x, odom = held_at(point, came["x"]), held_at(point, came["odom"])
@@ -117,7 +117,7 @@ def test_samples_equal_evaluate(steps: list[tuple[int, str, float]], text: str, 
     if at < 0:
         assert report.robustness is None
         return
-    if text.startswith("always("):  # the least of all instants so far
+    if text.startswith("always("):  # the minimum of all instants so far
         body = evaluate(rtamt.parse(f"{TEXT}{text[6:]}"), trace, period=0.1)
         offline = np.minimum.accumulate(body)
     assert ros.data("rtamt/spec") == offline[: at + 1].tolist()
@@ -133,7 +133,7 @@ def test_samples_equal_evaluate(steps: list[tuple[int, str, float]], text: str, 
     waits=st.lists(st.tuples(st.integers(0, 130), st.integers(0, 130)), min_size=1, max_size=60),
 )
 def test_samples_hold_the_newest_value(phase: int, waits: list[tuple[int, int]]) -> None:
-    """A value is the time of its publishing, in milliseconds since the start."""
+    """A value is its time of publication, in milliseconds since the start."""
     ros, published = MemoryMiddleware(time=START), []
     node = MonitorNode(ros, [f"{STAMPED}out.value = x >= 0"], Settings(stale=FOREVER))
     node.start()
@@ -203,7 +203,7 @@ def test_stale_in_late_samples_only() -> None:
 
 
 PASSED = ("rtamt_ros/*", "rtamt/*", "tests/rtamt_ros/*", "tests/support/memory_*")
-"""Where the messages of a node are made and kept."""
+"""The functions that create and store the messages of a node."""
 
 
 @pytest.mark.parametrize("looks", [True, False])
@@ -219,7 +219,7 @@ def test_what_waits_for_a_look_is_bounded(looks: bool) -> None:  # noqa: FBT001 
         for _ in range(2000):
             ros.time += 5 * MS
             send(ros, "x", float(k))
-        # Other threads allocate too: what counts is where messages come from and where they wait.
+        # Other threads allocate too, so count only where messages are created and stored.
         filters = [tracemalloc.Filter(True, f"*/{name}") for name in PASSED]  # noqa: FBT003
         kept = tracemalloc.take_snapshot().filter_traces(filters)
         sizes.append(sum(trace.size for trace in kept.traces))

@@ -20,7 +20,7 @@ TEXT = (
 def fed(
     offsets: list[float], values: list[float] | None = None, *, dense: bool = False
 ) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node after one message each 0.1 s, whose stamps have these offsets in seconds."""
+    """Return a node after one message per 0.1 s, with stamps at these offsets in seconds."""
     ros, node = started(TEXT, stamps=True, stale=math.inf, dense=dense)
     for n, offset in enumerate(offsets):
         ros.time = START + n * 100 * MS
@@ -86,7 +86,7 @@ def test_a_silence_and_a_late_delivery_are_in_line() -> None:
     ros.send("rtamt/p", message("nav_msgs", "Odometry", stamp=ros.time - 30 * SECOND))
     assert node.reports[0].strays == 0
     ros.tick()
-    assert node.reports[0].robustness == 0.0  # of the new message
+    assert node.reports[0].robustness == 0.0  # from the new message
 
 
 def test_replacement_keeps_the_order_of_stamps() -> None:

@@ -15,7 +15,7 @@ START = 1000 * SECOND
 
 
 def states(ros: MemoryMiddleware) -> list[tuple[int, int, dict[str, str]]]:
-    """Stamp, level and values of every message."""
+    """Return stamp, level and values of every message."""
     return [
         (
             (each.header.stamp.ns - START) // MS,
@@ -27,7 +27,7 @@ def states(ros: MemoryMiddleware) -> list[tuple[int, int, dict[str, str]]]:
 
 
 def publisher(ros: MemoryMiddleware) -> Any:  # noqa: ANN401 - private to the middleware
-    """The publisher of the state."""
+    """Return the publisher of the state."""
     (found,) = [each for each in ros.publishers if each.topic == "rtamt/out/state"]
     return found
 

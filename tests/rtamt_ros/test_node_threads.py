@@ -1,4 +1,4 @@
-"""Messages in several threads: what belongs together stays together, in the order of receipt."""
+"""Messages in several threads: parts of a message stay together, in the order of arrival."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ START = 1000 * SECOND
 
 @contextmanager
 def publishing(*publish: Callable[[int], None]) -> Iterator[None]:
-    """Threads that publish until the block ends; each is given the number of the message."""
+    """Run threads that publish until the block ends, with the number of the message."""
     done = threading.Event()
     failed: list[BaseException] = []
 

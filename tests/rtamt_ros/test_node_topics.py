@@ -36,7 +36,7 @@ def test_fields_share_a_message() -> None:
         ros.tick()
         ros.time += 100 * MS
     found = [(m.header.stamp.ns, m.a, m.inner.y, m.b) for m in ros.on("rtamt/out")]
-    # out.b and out.inner.y are late by one sample, and out.a, which is not, waits for them.
+    # out.b and out.inner.y are late by one sample, and out.a waits for them.
     assert found == [(begin, 2.0, 1.0, 2.0), (begin + 100 * MS, -0.5, 2.0, 2.0)]
     assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
 
@@ -64,7 +64,7 @@ def test_requirements_in_a_message_have_own_bounds() -> None:
     assert [(m.a, m.inner.x) for m in ros.on("/safe")] == [(1.0, 3.0)]
 
 
-# For each text the named formulas beside the result, and who says their robustness.
+# For each text, the named formulas next to the result, and the publisher of their robustness.
 UNBOUNDED: dict[str, dict[str, type[Monitor | EpisodeMonitor]]] = {
     "slow = always(x < 3); out = always(slow) and x > 0": {"slow": Monitor},
     "near = x > 0; up = eventually(near); out = always(up)": {"near": Monitor, "up": Monitor},
@@ -100,7 +100,7 @@ def test_named_formulas_of_unbounded_requirements(text: str, values: list[float]
     seen = {name: len(ros.data(f"rtamt/{name}")) for name in said}
     send(ros, "x", values[0])
     ros.tick()
-    for name, before in seen.items():  # begun anew
+    for name, before in seen.items():  # after a restart
         found = [repr(number) for number in ros.data(f"rtamt/{name}")[before:]]
         assert found == [number for number in said[name][:1] if number != "nan"]
 
@@ -113,7 +113,7 @@ def test_silent_topics_are_logged_once(
     topics_of = {"a": "", "b": "there", "c": "robot/odom", "d": "/lonely"}
     text = "".join(f"@ topic({name}, {topic})\n" for name, topic in topics_of.items() if topic)
     declared = "float64 a\nfloat64 b\nfloat64 c\nfloat64 d\n"
-    declared += "input float64 limit = 1\n"  # waits for nobody
+    declared += "input float64 limit = 1\n"  # has a default at once
     node = MonitorNode(ros, [f"{declared}{text}a + b + c + d > limit"])
     node.start()
     for _ in range(3):
@@ -159,7 +159,7 @@ FORMULAS = {
     "always[0.1:0.3](y > 0 or x > 2)": 3,
     "(x > 0) until[0:0.2] (y > 1)": 2,
 }
-"""Formulas, and by how many samples they are late."""
+"""Formulas, and the number of samples by which they are late."""
 VALUES = st.sampled_from([-2.0, -0.5, 0.0, 1.0, 3.0])
 
 
@@ -180,7 +180,7 @@ def test_message_fields_equal_evaluate(
         ros.time = START + number * PERIOD
         send(ros, "x", x)
         send(ros, "y", y)
-        if not number or looks or ros.time - last >= 4 * PERIOD:  # else the look is late
+        if not number or looks or ros.time - last >= 4 * PERIOD:  # otherwise the look is late
             ros.tick()
             last = ros.time
     ros.tick()
@@ -207,7 +207,7 @@ def test_stale_field_is_nan_in_waiting_messages() -> None:
         send(ros, "y", 2.0)
         ros.tick()
     found = [((m.header.stamp.ns - START) // PERIOD, m.a, m.b) for m in ros.on("rtamt/out")]
-    # x came last at 2, is held until 4 and stale at 5 and 6; what was to be known then never is.
+    # x arrived last at 2, is held until 4 and stale at 5 and 6; later values are never known.
     assert [(at, str(a), b) for at, a, b in found] == [
         (0, "1.0", 2.0),
         (1, "2.0", 2.0),

@@ -1,4 +1,4 @@
-"""Runs that outlast a silence: a stale input as unknown samples, `stale_as="unknown"`."""
+"""Runs that continue during a silence: stale inputs as unknown samples, `stale_as="unknown"`."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_a_record_is_judged_as_the_node_has_judged(
 
 
 class _Sent:
-    """The events of two topics, unknown from when they are stale."""
+    """The events of two topics, unknown while they are stale."""
 
     def __init__(self) -> None:
         self.events: dict[str, list[tuple[int, float]]] = {"x": [], "y": []}
@@ -138,7 +138,7 @@ class _Sent:
         self.events[name] = [*its, (time, value)]
 
     def until(self, now: int) -> tuple[dict[str, list[tuple[int, float]]], list[bool]]:
-        """The events as far as a look at them knows, and which topics are stale."""
+        """Return the events that a look knows, and the stale topics."""
         whole: dict[str, list[tuple[int, float]]] = {}
         for name in self.events:
             its = self._with_silence(name, now)
@@ -169,7 +169,7 @@ def test_dense_value_is_unknown_while_stale(text: str, steps: list[Step]) -> Non
     for n, values in enumerate([(1.0, 1.0), *steps]):
         ros.time = START + n * 100 * MS
         for name, value in zip("xy", values, strict=True):
-            ros.time += 1000  # topics whose events are apart
+            ros.time += 1000  # topics with separate events
             if value is not None:
                 send(ros, name, value)
                 sent.add(name, ros.time, value)

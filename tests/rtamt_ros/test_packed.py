@@ -1,4 +1,4 @@
-"""Messages that are packed have the bytes of those that are made and serialized."""
+"""Packed messages have the bytes of serialized messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def set_stamp(message: Any, time: int) -> None:  # noqa: ANN401 - the classes of
 
 
 def serialized(message: Any) -> bytes:  # noqa: ANN401
-    """The bytes of `PARTS` or a number, between others that are always the same."""
+    """Return the bytes of `PARTS` or a number, between fixed others."""
     if not hasattr(message, "header"):
         return b"begin" + struct.pack("<d", message.data)
     time = struct.pack("<II", *divmod(message.header.stamp.ns, 10**9))

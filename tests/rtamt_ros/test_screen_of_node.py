@@ -1,4 +1,4 @@
-"""The screen shows what a node publishes on its combined topic."""
+"""The screen shows the combined topic of a node."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TEXTS = {"low": "always(x < 2)", "rises": "eventually[0:0.5](x > 2)", "ends": "e
 
 
 class Shown(Screen):
-    """A screen without a terminal, which keeps its newest lines."""
+    """A screen without a terminal that keeps its newest lines."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -43,7 +43,7 @@ class Shown(Screen):
 
 
 def forwarded(ros: MemoryMiddleware, view: CombinedView, since: int) -> int:
-    """Hand new messages of the node to the view; return how many there are."""
+    """Pass new messages of the node to the view; return their number."""
     messages = ros.on("rtamt/all")
     for message in messages[since:]:
         view.show(message)

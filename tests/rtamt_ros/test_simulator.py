@@ -1,4 +1,4 @@
-"""The robot and its controller as nodes are the scenario, step by step."""
+"""The robot and its controller as nodes equal the scenario, step by step."""
 
 import math
 from typing import Any
@@ -23,7 +23,7 @@ def twist(speed: float, turn: float) -> Any:  # noqa: ANN401
 
 
 def odometry(node: MemoryMiddleware) -> NDArray[np.float64]:
-    """What the robot has published: x, y, heading, speed, turn rate."""
+    """Return the published odometry: x, y, heading, speed, turn rate."""
     rows = []
     for message in node.on(ODOM):
         place, looks = message.pose.pose.position, message.pose.pose.orientation
@@ -34,7 +34,7 @@ def odometry(node: MemoryMiddleware) -> NDArray[np.float64]:
 
 
 def driven(actions: NDArray[np.float64], **options: Any) -> NDArray[np.float64]:  # noqa: ANN401
-    """The odometry of a robot that gets a command before every step."""
+    """Return the odometry of a robot with a command before every step."""
     node = MemoryMiddleware()
     Robot(node, **options)
     for action in actions:
@@ -103,7 +103,7 @@ def test_fault_waits_for_the_first_command() -> None:
 
 
 def together(steps: int, surge: Surge | None = None) -> tuple[MemoryMiddleware, MemoryMiddleware]:
-    """A robot and its controller, which commands after every step."""
+    """Run a robot and its controller, which commands after every step."""
     robot, controller = MemoryMiddleware(), MemoryMiddleware()
     Robot(robot, parameters={"noise": 0.0})
     RobotController(controller, surge=surge)

@@ -1,4 +1,4 @@
-"""Two service robots and their controller as nodes are the scenario, step by step."""
+"""Two service robots and their controller as nodes equal the scenario, step by step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def twist(right: float, up: float) -> Any:  # noqa: ANN401
 
 
 def places(node: MemoryMiddleware) -> NDArray[np.float64]:
-    """Where both robots are: x and y of the first, then those of the second."""
+    """Return the positions of both robots: x and y of the first, then of the second."""
     columns = [
         [(each.pose.pose.position.x, each.pose.pose.position.y) for each in node.on(topic)]
         for topic in ("robot0/odom", "robot1/odom")
@@ -36,7 +36,7 @@ def places(node: MemoryMiddleware) -> NDArray[np.float64]:
 
 
 def driven(actions: NDArray[np.float64], **options: Any) -> MemoryMiddleware:  # noqa: ANN401
-    """Robots that get commands before every step."""
+    """Return robots with commands before every step."""
     node = MemoryMiddleware()
     ServiceRobots(node, **options)
     for action in actions:
@@ -55,7 +55,7 @@ def test_odometry_is_what_the_environment_observes(lag: float) -> None:
 
 
 def test_the_twist_is_the_velocity_along_the_room() -> None:
-    actions = np.tile([0.5, -0.25, 9.0, 0.0], (30, 1))  # more than a robot can
+    actions = np.tile([0.5, -0.25, 9.0, 0.0], (30, 1))  # more than a robot can reach
     node = driven(actions, parameters={"lag": 0.2, "noise": 0.0, "start_y1": 2.0})
     first, second = (node.on(f"robot{n}/odom") for n in (0, 1))
     twists = [(each.twist.twist.linear.x, each.twist.twist.linear.y) for each in first]
@@ -77,7 +77,7 @@ def test_a_command_that_is_nan_is_left_out() -> None:
 
 
 def together(steps: int, **parameters: float) -> tuple[MemoryMiddleware, MemoryMiddleware]:
-    """The robots and their controller, which commands after every step."""
+    """Run the robots and their controller, which commands after every step."""
     robots, controller = MemoryMiddleware(), MemoryMiddleware()
     ServiceRobots(robots, parameters={"noise": 0.0, **parameters})
     ServiceController(controller, parameters=parameters)

@@ -1,4 +1,4 @@
-"""The tutorial of a robot as it stands: its commands, its specification and its transcripts."""
+"""The exact tutorial of a robot: its commands, its specification and its transcripts."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from rtamt_ros.simulator.robots import _parser as parser_of_robot
 
 BEGIN = 1_795_333_330_934_702_000
 ROBOT = BEGIN + 5 * SECOND + 40 * MS
-"""When the robot is started, after the monitor; its messages come between two samples."""
+"""The start of the robot after the monitor; its messages arrive between two samples."""
 DRIVES = 16 * SECOND
-"""Until Ctrl-C ends it."""
+"""The time of Ctrl-C."""
 
 
 @dataclass
@@ -46,13 +46,13 @@ class Logging(MemoryMiddleware):
 
 
 def option(parser: Any, line: str, words: int) -> Any:  # noqa: ANN401
-    """The options of a command that stands in the page, after these words."""
+    """Return the options of a command on the page, after these words."""
     return parser.parse_args(shlex.split(line.removeprefix("$ "))[words:])
 
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Logging:
-    """What the commands of the page do, without ROS."""
+    """Run the commands of the page without ROS."""
     folder = tmp_path_factory.mktemp("tutorial")
     given = vars(option(parser_of_monitor(), block("ros_stl_monitor.py")[0], 1))
     record = given["record"]

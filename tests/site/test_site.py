@@ -1,4 +1,4 @@
-"""The site builds without a warning, and is a folder of files that needs no network."""
+"""The site builds without a warning, and its files need no network."""
 
 import json
 import os
@@ -16,7 +16,7 @@ import rtamt_gym
 
 
 class _Page(HTMLParser):
-    """The places and the links of a page, and what it loads when it is opened."""
+    """The anchors and the links of a page, and the files that it loads."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,9 +1,9 @@
-"""Runs monitors for long: memory stays flat, and sampled stretches equal the definition.
+"""Run monitors for a long time: memory stays flat, and samples of the results equal the definition.
 
-Three parts, each with a number of its own: updates of a mixed set of native monitors (a sample of a
-signal, of an entry, or an event, is one), wrappers of Gymnasium made and dropped, and snapshots.
-Sampled stretches are run again by the Python machines, and compared bit by bit. The resident memory
-after a tenth of a part is compared with that at its end.
+Three parts, each with its own number: updates of a mixed set of native monitors (a sample of a
+signal or of an entry, or an event), wrappers of Gymnasium created and dropped, and snapshots. The
+Python machines run samples of the rounds again, compared bit by bit. The resident memory after a
+tenth of a part is compared with its end.
 
 Run: python tests/soak/soak.py [--updates N] [--wrappers N] [--snapshots N] [--seed N]
 """
@@ -32,7 +32,7 @@ ENTRIES = 1_000
 BLOCK, ENTRY_SAMPLES, SAMPLES, EVENTS = 40_000, 100, 4_000, 1_000  # of a round
 WRAPPED = "always[0:100ms](abs(angle) < 0.2) and once[0:40ms](cart < 1)"
 ROUND = BLOCK + 2 * ENTRIES * ENTRY_SAMPLES + 2 * SAMPLES + 2 * EVENTS
-CHECKS = 5  # sampled stretches of a part
+CHECKS = 5  # the number of compared rounds of a part
 FLAT = 4 << 20  # bytes by which the allocator's pages may differ
 
 Backend = Literal["native", "python"]
@@ -40,12 +40,12 @@ Found = list[Any]
 
 
 class Rounds:
-    """A mixed set of monitors that take in one round of samples after the other.
+    """A mixed set of monitors that run one round of samples after the other.
 
     Args:
-        backend: What runs them.
-        seed: Of the samples.
-        entries: The entries that are run.
+        backend: The back-end.
+        seed: The seed of the samples.
+        entries: The batch entries.
         first: The first round.
     """
 
@@ -61,7 +61,7 @@ class Rounds:
         self._dense = rtamt.dense.Monitor(TEXT, backend=backend)
 
     def run(self) -> Found:
-        """What the monitors give in the next round."""
+        """Return the results of the monitors in the next round."""
         random = np.random.default_rng((self._seed, self._next))
         block = random.normal(size=(BLOCK, 2))
         entries = random.normal(size=(ENTRY_SAMPLES, ENTRIES, 2))[:, list(self._entries)]
@@ -83,14 +83,14 @@ class Rounds:
 
 
 def updates(number: int, seed: int) -> None:
-    """Rounds of updates; a sampled one is run again by the definition, after the one before it."""
+    """Run rounds of updates; the definition repeats some of them, after the round before."""
     native = Rounds("native", seed)
 
     def step(i: int, sampled: bool) -> None:  # noqa: FBT001 - called by position
         found = native.run()
         if sampled:
             check = Process(target=defined_round, args=(i, seed, found))
-            check.start()  # in another process: the definition takes memory of its own
+            check.start()  # in another process: the definition needs memory of its own
             check.join()
             if check.exitcode != 0:
                 sys.exit(1)
@@ -99,7 +99,7 @@ def updates(number: int, seed: int) -> None:
 
 
 def defined_round(i: int, seed: int, found: Found) -> None:
-    """Compare what a round gave, some of its entries, with the definition."""
+    """Compare a round, for some of its entries, with the definition."""
     some = [0, ENTRIES // 2, ENTRIES - 1]
     defined = Rounds("python", seed, some, max(i - 1, 0))
     if i > 0:
@@ -109,7 +109,7 @@ def defined_round(i: int, seed: int, found: Found) -> None:
 
 
 def wrappers(number: int, seed: int) -> None:
-    """Environments that are wrapped, reset, stepped five times and dropped."""
+    """Wrap, reset and step environments five times, and drop them."""
 
     def step(i: int, sampled: bool) -> None:  # noqa: FBT001 - called by position
         env = StlMonitor(CartPoleEnv(), WRAPPED, {"angle": "obs[2]", "cart": "obs[0]"})
@@ -131,7 +131,7 @@ def wrappers(number: int, seed: int) -> None:
 
 
 def snapshots(number: int, seed: int) -> None:
-    """Monitors that go on as their copies, of two kinds in turn."""
+    """Run monitors that continue as their copies, of two kinds in turn."""
     random = np.random.default_rng(seed)
     kinds = (rtamt.Monitor, rtamt.EpisodeMonitor)
     native: list[Any] = [kind(TEXT, backend="native") for kind in kinds]
@@ -149,7 +149,7 @@ def snapshots(number: int, seed: int) -> None:
 def soak(
     name: str, steps: int, each: int, step: Callable[[int, bool], None], checks: int = CHECKS
 ) -> None:
-    """Run so many steps, some of them sampled, and compare the memory at a tenth and at the end."""
+    """Run a number of steps, compare some, and compare the memory at a tenth and at the end."""
     sampled = {round(k) for k in np.linspace(0, steps - 1, min(checks, steps))}
     early = 0
     for i in range(steps):
@@ -167,14 +167,14 @@ def soak(
 
 
 def require_same(found: Found, expected: Found, of: str) -> None:
-    """Exit with what differs, if values differ in a bit."""
+    """Exit with the difference, if values differ in a bit."""
     for i, (one, other) in enumerate(zip(found, expected, strict=True)):
         if not identical(np.ravel(one), np.ravel(other)):
             sys.exit(f"expected value {i} {of} to be {other!r}, got {one!r}")
 
 
 def resident() -> int:
-    """Bytes of this process that are in memory."""
+    """Return the resident bytes of this process."""
     gc.collect()
     pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
     return int(pages) * os.sysconf("SC_PAGESIZE")
