@@ -36,9 +36,7 @@ def main() -> None:
     with atheris.instrument_imports(include=["rtamt", "rtamt_gym", "fuzz_targets"]):
         from fuzz_targets import TARGETS
 
-        for path in (
-            HERE / "corpus" / name
-        ).iterdir():  # these modules are imported at their first use
+        for path in (HERE / "corpus" / name).iterdir():  # import what is loaded at first use
             TARGETS[name](path.read_bytes())
     import rtamt
 

@@ -416,9 +416,7 @@ def test_ended_viewer_is_detached(path: Path, viewed: RerunView) -> None:
 
 def connect_until_refused(port: int) -> None:
     for _ in range(100_000):
-        with suppress(
-            TimeoutError, ConnectionResetError
-        ):  # a viewer that ends resets waiting connections
+        with suppress(TimeoutError, ConnectionResetError):  # a viewer resets them at its end
             socket.create_connection(("127.0.0.1", port), 1.0).close()
 
 

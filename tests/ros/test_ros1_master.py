@@ -34,9 +34,7 @@ def monitor(network: Ros, name: str = "monitor") -> Process:
 
 
 def known(network: Ros) -> list[set[str]]:
-    """Return the topics that the master knows for ``/watch``, published and subscribed, and
-    services.
-    """
+    """Return the published and subscribed topics of ``/watch``, and its services."""
     with xmlrpc.client.ServerProxy(network.environment["ROS_MASTER_URI"]) as master:
         state: Any = master.getSystemState("/tests")[2]  # type: ignore[index]
     return [{what for what, nodes in kind if "/watch" in nodes} for kind in state]

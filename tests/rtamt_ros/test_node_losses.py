@@ -90,10 +90,7 @@ def test_a_suspension_is_the_reason_of_a_restart() -> None:
     (report,) = node.reports
     reason = "nothing was evaluated for 3.3 s; 13 messages of x came at once, 20 were lost"
     assert report.restarted_because == reason
-    assert (report.robustness, report.violations) == (
-        2.0,
-        0,
-    )  # messages of the suspension are not judged
+    assert (report.robustness, report.violations) == (2.0, 0)  # the suspension is not judged
     assert "stale" not in report.text
     for _ in range(10):  # no more messages arrive
         ros.time += 100 * MS
