@@ -33,7 +33,7 @@ class DenseJudge:
     inputs are back.
 
     Attributes:
-        account: The history of the requirement.
+        history: The history of the requirement.
         inputs: The inputs of the requirement.
         lateness: As in `Judges`, for this requirement.
     """

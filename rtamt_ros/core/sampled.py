@@ -160,7 +160,7 @@ class SampledJudge:
     need every value, start again when all inputs are back.
 
     Attributes:
-        account: The history of the requirement.
+        history: The history of the requirement.
         inputs: The inputs of the requirement.
         lateness: As in `Judges`, for this requirement.
     """
