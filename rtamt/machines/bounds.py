@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,7 +228,9 @@ def split(program: Program, n: int, *, best: bool) -> SplitProgram:
     first = inputs[0] if inputs else program.result
     predicates = program.restricted(first, {names[r]: r for r in inputs})
     instructions = [Load(names[r]) if r in names else i for r, i in enumerate(program.instructions)]
-    formulas = program.rewritten(instructions, variables=tuple(names.values()), rates={})
+    formulas = replace(
+        program, instructions=tuple(instructions), variables=tuple(names.values()), rates={}
+    )
     needed: int | None = 1
     for register in initial_registers(formulas):
         if isinstance(instructions[register], Window):

@@ -17,7 +17,7 @@ from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
-from rtamt.program.instructions import Instruction, Load, Window
+from rtamt.program.instructions import Load, Window
 from rtamt.program.program import Program
 
 _T = TypeVar("_T")
@@ -136,9 +136,9 @@ def _folding(program: Program, window: Window) -> Program:
     width = len(window.args)
     names = tuple(str(i) for i in range(width))
     last = replace(window, args=tuple(range(width))).mirrored()
-    instructions: tuple[Instruction, ...] = (*map(Load, names), last)
-    return program.rewritten(
-        instructions,
+    return replace(
+        program,
+        instructions=(*map(Load, names), last),
         terms=width,
         result=width,
         outputs={"": width},
@@ -152,7 +152,8 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
     """Return the program with a window replaced by a variable, which becomes its first register."""
     instructions = list(program.instructions)
     instructions[cut] = Load(name)
-    loaded = program.rewritten(instructions, variables=(*program.variables, name))
+    variables = (*program.variables, name)
+    loaded = replace(program, instructions=tuple(instructions), variables=variables)
     others = (r for r in range(len(instructions)) if r != cut)
     return loaded.reordered([cut, *others], program.terms + 1)
 

@@ -121,14 +121,6 @@ def listed(instruction: Instruction) -> str:
             assert_never(never)
 
 
-def latencies_of(instructions: Sequence[Instruction]) -> tuple[int | None, ...]:
-    """Return the latency of every register; None where it needs the whole future."""
-    latencies: list[int | None] = []
-    for instruction in instructions:
-        latencies.append(latency_of(instruction, latencies, instructions))
-    return tuple(latencies)
-
-
 def latency_of(
     instruction: Instruction,
     latencies: Sequence[int | None],

@@ -60,7 +60,6 @@ class ProgramBuilder:
         raw = Program(
             instructions=tuple(self.instructions),
             terms=sum(self.is_term),
-            latencies=tuple(self.latencies),
             result=known[specification.formula],
             outputs={name: known[f] for name, f in specification.formulas.items()},
             variables=(*specification.variables, *self.rates),
@@ -70,10 +69,9 @@ class ProgramBuilder:
             rates=self.rates,
             seconds=1.0 if self.period is None else float(self.period),
         )
-        terms_first = sorted(range(len(raw.instructions)), key=lambda r: not self.is_term[r])
-        program = raw.reordered(terms_first, raw.terms).pruned()
-        program.verify()
-        return program
+        needed = sorted(raw.needed(raw.result, *raw.outputs.values()))
+        needed.sort(key=lambda register: not self.is_term[register])
+        return raw.reordered(needed, sum(self.is_term[register] for register in needed))
 
     def lower(self, node: Node, known: Mapping[Node, int]) -> int:
         """Write one node; its operands are already written."""

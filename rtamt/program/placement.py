@@ -7,12 +7,13 @@ times, as streams.
 from __future__ import annotations
 
 import functools
+import operator
 from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rtamt.errors import SpecificationError
 from rtamt.language.interval import applied
-from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Const, Instruction, Map, Window
 from rtamt.program.program import Program
 
@@ -80,84 +81,74 @@ def positive(program: Program) -> Program:
     negated predicate becomes a term, which is unknown at unseen samples. A late window without an
     end becomes a shift of a window that starts now.
     """
+    formulas = range(program.terms, len(program.instructions))
+    read = {(program.result, False)}  # registers, and whether they are negated
+    for register in reversed(formulas):
+        instruction = program.formula(register)
+        for negated in (False, True):
+            if (register, negated) in read:
+                read.update((a, negated != _negates(instruction)) for a in instruction.args)
     writer = _Writer(program)
-    writer.write(program.result, negated=False)
-    terms_first = sorted(range(len(writer.instructions)), key=lambda r: not writer.is_term[r])
-    raw = program.rewritten(
-        writer.instructions,
-        terms=sum(writer.is_term),
-        result=writer.known[program.result, False],
-        outputs={},
-        sources=tuple(program.sources[r] for r in writer.origins),
-    )
-    return raw.reordered(terms_first, raw.terms).pruned()
+    known = {(register, False): register for register in range(program.terms)}
+    for register in range(program.terms):
+        if (register, True) in read:
+            known[register, True] = writer.negate(register)
+    terms = len(writer.instructions)
+    for register in formulas:
+        instruction = program.formula(register)
+        for negated in (False, True):
+            if (register, negated) in read:
+                args = tuple(known[a, negated != _negates(instruction)] for a in instruction.args)
+                known[register, negated] = writer.write(register, args, negated=negated)
+    sources = tuple(program.sources[register] for register in writer.origins)
+    raw = replace(program, instructions=tuple(writer.instructions), terms=terms, sources=sources)
+    return raw.restricted(known[program.result, False], {})
 
 
 class _Writer:
+    """Writes instructions after the terms of a program, with the register that each came from."""
+
     def __init__(self, program: Program) -> None:
         self.program = program
         self.instructions: list[Instruction] = list(program.instructions[: program.terms])
-        self.is_term = [True] * program.terms
         self.origins = list(range(program.terms))
-        self.known: dict[tuple[int, bool], int] = {(r, False): r for r in range(program.terms)}
 
-    def write(self, register: int, *, negated: bool) -> None:
-        """Write a register and its operands, depth first, without recursion."""
-        stack = [(register, negated)]
-        while stack:
-            key = stack[-1]
-            missing = [need for need in self._needs(*key) if need not in self.known]
-            if missing:
-                stack.extend(missing)
-                continue
-            stack.pop()
-            if key not in self.known:
-                self.known[key] = self._written(*key)
-
-    def _needs(self, register: int, negated: bool) -> list[tuple[int, bool]]:  # noqa: FBT001
-        if register < self.program.terms:
-            return []
-        match self.program.formula(register):
-            case Map("neg", (operand,)):
-                return [(operand, not negated)]
-            case Map(_, args) | Window(_, _, _, args):
-                return [(a, negated) for a in args]
-            case _ as never:
-                assert_never(never)
-
-    def _written(self, register: int, negated: bool) -> int:  # noqa: FBT001
-        if register < self.program.terms:
-            instruction = self.program.instructions[register]
-            if isinstance(instruction, Const) and instruction.neutral:
+    def negate(self, register: int) -> int:
+        """Write the negation of a term."""
+        match self.instructions[register]:
+            case Const(_, neutral=True):
                 return register
-            if isinstance(instruction, Const):
-                value = applied("neg", FUNCTIONS["neg"].apply, instruction.value)
-                return self._emit(Const(value), register, term=True)
-            return self._emit(Map("neg", (register,)), register, term=True)
-        args = tuple(self.known[need] for need in self._needs(register, negated))
+            case Const(value):
+                return self._emit(Const(applied("neg", operator.neg, value)), register)
+            case _:
+                return self._emit(Map("neg", (register,)), register)
+
+    def write(self, register: int, args: tuple[int, ...], *, negated: bool) -> int:
+        """Write a formula of operands that are written."""
         match self.program.formula(register):
             case Map("neg"):
                 return args[0]
             case Map(function):
                 name = FOLDS[function].dual if negated else function
-                return self._emit(Map(name, args), register, term=False)
-            case Window(fold, lo, None) if lo:
+                return self._emit(Map(name, args), register)
+            case Window(fold, lo, hi) as window:
                 name = FOLDS[fold].dual if negated else fold
-                open_end = self._emit(Window(name, 0, None, args), register, term=False)
+                if hi is not None or not lo:
+                    return self._emit(replace(window, fold=name, args=args), register)
+                open_end = self._emit(Window(name, 0, None, args), register)
                 shift = "max" if FOLDS[name].identity[-1] < 0 else "min"
-                late = Window(shift, lo, lo, (open_end,), endless=True)
-                return self._emit(late, register, term=False)
-            case Window(fold) as window:
-                name = FOLDS[fold].dual if negated else fold
-                return self._emit(replace(window, fold=name, args=args), register, term=False)
+                return self._emit(Window(shift, lo, lo, (open_end,), endless=True), register)
             case _ as never:
                 assert_never(never)
 
-    def _emit(self, instruction: Instruction, origin: int, *, term: bool) -> int:
+    def _emit(self, instruction: Instruction, origin: int) -> int:
         self.instructions.append(instruction)
-        self.is_term.append(term)
         self.origins.append(origin)
         return len(self.instructions) - 1
+
+
+def _negates(instruction: Map | Window) -> bool:
+    return isinstance(instruction, Map) and instruction.function == "neg"
 
 
 @functools.lru_cache(maxsize=512)

@@ -9,21 +9,21 @@ syntax trees.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import TYPE_CHECKING, cast
 
 from rtamt.errors import Argument, Message
 from rtamt.language.node import Node
-from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.instructions import (
     Const,
     Instruction,
     Load,
     Map,
     Window,
-    latencies_of,
     latency_of,
     listed,
     operands,
@@ -34,36 +34,30 @@ if TYPE_CHECKING:
     from rtamt.language.specification import Specification
 
 
-@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+@dataclass(frozen=True, eq=False)
 class Program:
-    """A compiled specification.
+    """A compiled specification."""
 
-    Attributes:
-        instructions: Ordered so that every register is written before it is read.
-        terms: The number of first instructions that are arithmetic over the present sample.
-        latencies: The delay of each register in samples; None if it needs the whole future.
-        result: Register of the robustness.
-        outputs: Registers of the named formulas.
-        variables: Names of the inputs, in the order of samples.
-        sources: The node of each register, for errors and listings.
-        specification: The specification that was compiled.
-        aligned: The texts of `timing.alignment` for rounded intervals.
-        rates: The rates of change among the variables, and the variable of each; readers of samples
-            compute them (`rtamt.inputs.samples`).
-        seconds: The time between samples, for rates.
-    """
-
-    instructions: tuple[Instruction, ...]
-    terms: int
-    latencies: tuple[int | None, ...]
-    result: int
-    outputs: Mapping[str, int]
-    variables: tuple[str, ...]
-    sources: tuple[Node, ...]
+    instructions: tuple[Instruction, ...]  # every register is written before it is read
+    terms: int  # the number of first instructions that are arithmetic over the present sample
+    result: int  # the register of the robustness
+    outputs: Mapping[str, int]  # the registers of the named formulas
+    variables: tuple[str, ...]  # the inputs, in the order of samples
+    sources: tuple[Node, ...]  # the node of each register, for errors and listings
     specification: Specification
-    aligned: tuple[str, ...] = ()
+    aligned: tuple[str, ...] = ()  # the texts of `timing.alignment` for rounded intervals
     rates: Mapping[str, str] = field(default_factory=dict)
-    seconds: float = 1.0
+    """The rates of change among the variables, which readers of samples compute, and the variable
+    of each."""
+    seconds: float = 1.0  # the time between samples, for rates
+
+    @functools.cached_property
+    def latencies(self) -> tuple[int | None, ...]:
+        """The delay of each register in samples; None if it needs the whole future."""
+        latencies: list[int | None] = []
+        for instruction in self.instructions:
+            latencies.append(latency_of(instruction, latencies, self.instructions))
+        return tuple(latencies)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -79,91 +73,28 @@ class Program:
 
     def term(self, register: int) -> Load | Const | Map:
         """Return the instruction of a register of the terms."""
-        instruction = self.instructions[register]
-        if isinstance(instruction, Window):
-            msg = f"register {register} is a window among the terms"
-            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
-        return instruction
+        return cast("Load | Const | Map", self.instructions[register])
 
     def formula(self, register: int) -> Map | Window:
         """Return the instruction of a register after the terms."""
-        instruction = self.instructions[register]
-        if isinstance(instruction, Load | Const):
-            msg = f"register {register} is an input after the terms"
-            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
-        return instruction
+        return cast("Map | Window", self.instructions[register])
 
     def window(self, register: int) -> Window:
         """Return the instruction of a register that is a window."""
-        instruction = self.instructions[register]
-        if not isinstance(instruction, Window):
-            msg = f"register {register} is not a window"
-            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
-        return instruction
+        return cast("Window", self.instructions[register])
 
     def delay(self, register: int, operand: int) -> int:
-        """Return the number of samples by which a register delays an operand."""
+        """Return the number of samples by which a register with a latency delays an operand."""
         instruction = self.instructions[register]
         if isinstance(self.instructions[operand], Const):
             return 0
-        read = self.latencies[register]
-        if isinstance(instruction, Window):
-            read = self.start(register)
-        late = self.latencies[operand]
-        if read is None or late is None:
-            msg = f"register {register} needs the whole future"
-            raise AssertionError(msg)
-        return read - late
+        windowed = isinstance(instruction, Window)
+        read = self.start(register) if windowed else cast("int", self.latencies[register])
+        return read - cast("int", self.latencies[operand])
 
     def start(self, register: int) -> int:
-        """Return the first sample at which a window reads its operands."""
-        instruction, late = self.instructions[register], self.latencies[register]
-        if not isinstance(instruction, Window) or instruction.hi is None or late is None:
-            msg = f"register {register} is not a bounded window"
-            raise AssertionError(msg)
-        return late - instruction.hi
-
-    def verify(self) -> None:
-        """Check that the program is well formed."""
-        count = len(self.instructions)
-        for register, instruction in enumerate(self.instructions):
-            self._check(register, instruction)
-        for register in (self.result, *self.outputs.values()):
-            self._require(0 <= register < count, register, "is not in the program")
-        distinct = len(set(self.instructions[self.terms :]))
-        self._require(distinct == count - self.terms, self.terms, "or a later one repeats another")
-
-    def _check(self, register: int, instruction: Instruction) -> None:
-        args = operands(instruction)
-        self._require(
-            all(0 <= a < register for a in args), register, "reads a register that is not written"
-        )
-        match instruction:
-            case Load() | Const():
-                self._require(register < self.terms, register, "is an input after the terms")
-                known = isinstance(instruction, Const) or instruction.variable in self.variables
-                self._require(known, register, "loads an unknown variable")
-            case Map(function):
-                self._require(FUNCTIONS[function].arity == len(args), register, "has wrong arity")
-                if register < self.terms:
-                    self._require(all(a < self.terms for a in args), register, "reads a formula")
-            case Window(fold, lo, hi):
-                self._require(register >= self.terms, register, "is a window among the terms")
-                self._require(FOLDS[fold].width == len(args), register, "has wrong arity")
-                past = hi is not None and hi <= 0
-                future = lo is not None and lo >= 0
-                self._require(past or future, register, "looks both ways")
-                self._require(lo is None or hi is None or lo <= hi, register, "is empty")
-            case _ as never:
-                assert_never(never)
-        late = latency_of(instruction, self.latencies, self.instructions)
-        self._require(self.latencies[register] == late, register, f"has not latency {late}")
-
-    @staticmethod
-    def _require(condition: bool, register: int, what: str) -> None:  # noqa: FBT001
-        if not condition:
-            msg = f"register {register} {what}"
-            raise AssertionError(msg)
+        """Return the first sample at which a window with a latency reads its operands."""
+        return cast("int", self.latencies[register]) - cast("int", self.window(register).hi)
 
     def online(
         self, monitor: str = "Monitor", instead: str | Argument = "use EpisodeMonitor or evaluate()"
@@ -212,10 +143,8 @@ class Program:
         outputs = {name: judged(named[name], register) for name, register in self.outputs.items()}
         if not folds:
             return self
-        program = self.rewritten(
-            instructions, sources=tuple(sources), result=result, outputs=outputs
-        )
-        return program.pruned()
+        longer = replace(self, instructions=tuple(instructions), sources=tuple(sources))
+        return longer.restricted(result, outputs)
 
     def _is_running(self, formula: Node) -> bool:
         """Return whether a formula is ``always p`` or ``eventually p`` without bounds.
@@ -226,10 +155,6 @@ class Program:
         op, (begin, end) = formula.op, self.specification.bounds(formula.interval)
         single = op is not None and op.future and len(formula.args) == 1
         return single and begin == 0 and end is None
-
-    def pruned(self) -> Program:
-        """Return the program without registers that neither the result nor an output needs."""
-        return self.restricted(self.result, self.outputs)
 
     def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
         """Return the part of the program that computes this result and these outputs."""
@@ -280,16 +205,14 @@ class Program:
             self,
             instructions=instructions,
             terms=terms,
-            latencies=tuple(self.latencies[r] for r in order),
             result=new[self.result],
             outputs={name: new[register] for name, register in self.outputs.items()},
             sources=tuple(self.sources[r] for r in order),
         )
 
-    def rewritten(self, instructions: Iterable[Instruction], **changes: Any) -> Program:  # noqa: ANN401 - fields
-        """Return the program with other instructions, and other fields."""
-        written = tuple(instructions)
-        return replace(self, instructions=written, latencies=latencies_of(written), **changes)
+    def changed(self, change: Callable[[Instruction], Instruction]) -> Program:
+        """Return the program with each instruction changed."""
+        return replace(self, instructions=tuple(map(change, self.instructions)))
 
     @property
     def neutral(self) -> bool:
@@ -298,9 +221,7 @@ class Program:
 
     def with_zero(self, zero: float) -> Program:
         """Return the program in which every neutral constant is this zero, which has a sign."""
-        return self.rewritten(
-            Const(zero) if isinstance(i, Const) and i.neutral else i for i in self.instructions
-        )
+        return self.changed(lambda i: Const(zero) if isinstance(i, Const) and i.neutral else i)
 
     def clamped(self, n: int) -> Program:
         """Return the program with bounds cut to n: equivalent on traces of n samples or less."""
@@ -308,16 +229,13 @@ class Program:
         def cut(bound: int | None) -> int | None:
             return None if bound is None else max(-n, min(n, bound))
 
-        return self.rewritten(
-            replace(i, lo=cut(i.lo), hi=cut(i.hi)) if isinstance(i, Window) else i
-            for i in self.instructions
+        return self.changed(
+            lambda i: replace(i, lo=cut(i.lo), hi=cut(i.hi)) if isinstance(i, Window) else i
         )
 
     def mirrored(self) -> Program:
         """Return the program with time flipped, whose values on a reversed trace are reversed."""
-        return self.rewritten(
-            i.mirrored() if isinstance(i, Window) else i for i in self.instructions
-        )
+        return self.changed(lambda i: i.mirrored() if isinstance(i, Window) else i)
 
     def __str__(self) -> str:
         """Return a listing, in columns: register, instruction, latency, source."""
@@ -336,13 +254,9 @@ class Program:
 
 
 def _renumbered(instruction: Instruction, new: Mapping[int, int]) -> Instruction:
-    match instruction:
-        case Load() | Const():
-            return instruction
-        case Map() | Window():
-            return replace(instruction, args=tuple(new[a] for a in instruction.args))
-        case _ as never:
-            assert_never(never)
+    if isinstance(instruction, Load | Const):
+        return instruction
+    return replace(instruction, args=tuple(new[a] for a in instruction.args))
 
 
 @dataclass(frozen=True, slots=True)

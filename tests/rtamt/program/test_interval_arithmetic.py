@@ -174,7 +174,6 @@ def applied(name: str, arity: int) -> Program:
         model,
         instructions=tuple(terms),
         terms=len(terms),
-        latencies=(0,) * len(terms),
         result=len(terms) - 1,
         outputs={},
         sources=model.sources[:1] * len(terms),
