@@ -42,7 +42,6 @@ import uuid
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import count
@@ -51,14 +50,7 @@ from typing import Final, Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from rtamt.errors import Argument, InputError, InputTypeError, SpecificationError, brief
-from rtamt.export.program_file import (
-    DenseFile,
-    ProgramFile,
-    Programs,
-    dense_programs,
-    program_text,
-    sampled_programs,
-)
+from rtamt.export.program_file import Programs, dense_programs, sampled_programs
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import Options, SampleOptions, Spec
 from rtamt.program.interface import Names, SemanticsName
@@ -116,37 +108,26 @@ class UnitVariable(NamedTuple):
     range: tuple[float, float] | None = None
 
 
-def variables_of(
-    file: ProgramFile,
-    formulas: Mapping[str, str],
-    ranges: Mapping[str, tuple[float, float]],
-    columns: Mapping[str, str],
-) -> list[UnitVariable]:
+def variables_of(programs: Programs, *, stop: bool) -> list[UnitVariable]:
     """Return the variables of a unit, without ``time``, in the order of their value references.
-
-    Args:
-        file: The program file of the unit.
-        formulas: The meaning of each named formula.
-        ranges: The declared ranges of inputs.
-        columns: The columns of inputs in recorded tables.
 
     Raises:
         SpecificationError: If the specification uses a name of `RESERVED`.
     """
-    variables = [*_own(file), *_of_text(file, formulas, ranges, columns)]
-    for variable in variables[len(RESERVED) - 1 :]:
+    variables = [*_of_text(programs)]
+    for variable in variables:
         if variable.name in RESERVED:
             msg = (
                 f"'{variable.name}' is a variable of every exported monitor; "
                 f"rename the '{variable.name}' of the specification"
             )
             raise SpecificationError(msg)
-    return variables
+    return [*_own(programs, stop=stop), *variables]
 
 
-def _own(file: ProgramFile) -> Iterator[UnitVariable]:
+def _own(programs: Programs, *, stop: bool) -> Iterator[UnitVariable]:
     robustness = "of the episode if it ended now"
-    if isinstance(file.programs, DenseFile):
+    if programs.step is None:
         robustness = "at the last time for which it is settled"
     meanings: Mapping[str, tuple[VariableType, str]] = {
         "robustness": ("real", f"the robustness {robustness}"),
@@ -156,65 +137,42 @@ def _own(file: ProgramFile) -> Iterator[UnitVariable]:
     }
     for name, (kind, meaning) in meanings.items():
         yield UnitVariable(name, RESERVED.index(name), kind, "output", None, meaning)
-    stop = "stop_on_violation"
+    name = "stop_on_violation"
     meaning = "whether the simulation ends when a violation is certain"
-    yield UnitVariable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
+    yield UnitVariable(name, RESERVED.index(name), "boolean", "parameter", stop, meaning)
 
 
-def _of_text(
-    file: ProgramFile,
-    formulas: Mapping[str, str],
-    ranges: Mapping[str, tuple[float, float]],
-    columns: Mapping[str, str],
-) -> Iterator[UnitVariable]:
+def _of_text(programs: Programs) -> Iterator[UnitVariable]:
+    spec = programs.program.specification
     reference = count(FIRST)
-    parts: tuple[tuple[Causality, str], ...] = (
-        ("input", "a variable of the specification"),
-        ("parameter", "a constant of the specification"),
-        ("local", "a constant in a bound of an interval, which cannot be set"),
-    )
-    for (causality, meaning), named in zip(
-        parts, (file.inputs, file.parameters, file.fixed), strict=True
-    ):
-        for variable in named:
-            limits = ranges.get(variable.name) if causality == "input" else None
-            column = columns.get(variable.name) if causality == "input" else None
-            about = meaning if column is None else f"{meaning}; column {column}"
-            yield UnitVariable(
-                variable.name, next(reference), "real", causality, variable.start, about, limits
-            )
-    for name in file.formulas:
-        yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])
+    for name, start in programs.inputs.items():
+        column = spec.columns.get(name)
+        meaning = "a variable of the specification" + (f"; column {column}" if column else "")
+        limits = spec.declared_ranges.get(name)
+        yield UnitVariable(name, next(reference), "real", "input", start, meaning, limits)
+    meaning = "a constant of the specification"
+    for name, start in programs.parameters.items():
+        yield UnitVariable(name, next(reference), "real", "parameter", start, meaning)
+    meaning = "a constant in a bound of an interval, which cannot be set"
+    for name, start in programs.fixed.items():
+        yield UnitVariable(name, next(reference), "real", "local", start, meaning)
+    for name, note in programs.notes.items():
+        meaning = f"{spec.formulas[name]}{note and f', {note}'}"
+        yield UnitVariable(name, next(reference), "real", "output", None, meaning)
 
 
-@dataclass(frozen=True, slots=True)
-class Description:
-    """The content of a model description.
-
-    Attributes:
-        name: The name of the model.
-        text: The specification.
-        token: The guid or instantiation token.
-        step: The period in seconds; None over dense time.
-        variables: The variables, without ``time``.
-    """
-
-    name: str
-    text: str
-    token: str
-    step: float | None
-    variables: Sequence[UnitVariable]
-
-
-def description_text(description: Description, fmi: Fmi) -> bytes:
-    """Return the file, in UTF-8."""
+def description_text(
+    programs: Programs, variables: Sequence[UnitVariable], token: str, fmi: Fmi
+) -> bytes:
+    """Return the file ``modelDescription.xml``, in UTF-8."""
+    spec = programs.program.specification
     root = Element(
         "fmiModelDescription",
         {
             "fmiVersion": f"{fmi}.0",
-            "modelName": description.name,
-            "guid" if fmi == 2 else "instantiationToken": description.token,
-            "description": description.text,
+            "modelName": spec.title or "monitor",
+            "guid" if fmi == 2 else "instantiationToken": token,
+            "description": str(spec.formula),
             "generationTool": "rtamt",
             "variableNamingConvention": "structured",
         },
@@ -237,24 +195,21 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
     for name, meaning in _CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=meaning)
     experiment = SubElement(root, "DefaultExperiment", startTime="0.0")
-    if description.step is not None:
-        experiment.set("stepSize", repr(description.step))
-    if fmi == 2:
-        _variables_2(root, description)
-    else:
-        _variables_3(root, description)
+    if programs.step is not None:
+        experiment.set("stepSize", repr(programs.step))
+    (_variables_2 if fmi == 2 else _variables_3)(root, variables)
     ET.indent(root)
     data: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return data + b"\n"
 
 
-def _variables_2(root: Element, description: Description) -> None:
+def _variables_2(root: Element, variables: Sequence[UnitVariable]) -> None:
     parent = SubElement(root, "ModelVariables")
-    for variable in description.variables:
+    for variable in variables:
         scalar = SubElement(parent, "ScalarVariable", _attributes(variable))
         SubElement(scalar, _TYPES[2][variable.kind], {**_limits(variable), **_start(variable)})
     structure = SubElement(root, "ModelStructure")
-    places = {str(i): variable for i, variable in enumerate(description.variables, 1)}
+    places = {str(i): variable for i, variable in enumerate(variables, 1)}
     for name, dependencies in _dependencies(places).items():
         parent = SubElement(structure, f"{name}s")
         for position, variable in places.items():
@@ -262,7 +217,7 @@ def _variables_2(root: Element, description: Description) -> None:
                 SubElement(parent, "Unknown", index=position, dependencies=dependencies)
 
 
-def _variables_3(root: Element, description: Description) -> None:
+def _variables_3(root: Element, variables: Sequence[UnitVariable]) -> None:
     parent = SubElement(root, "ModelVariables")
     SubElement(
         parent,
@@ -273,11 +228,11 @@ def _variables_3(root: Element, description: Description) -> None:
         variability="continuous",
         unit="s",
     )
-    for variable in description.variables:
+    for variable in variables:
         attributes = {**_attributes(variable), **_limits(variable), **_start(variable)}
         SubElement(parent, _TYPES[3][variable.kind], attributes)
     structure = SubElement(root, "ModelStructure")
-    places = {str(variable.reference): variable for variable in description.variables}
+    places = {str(variable.reference): variable for variable in variables}
     for name, dependencies in _dependencies(places).items():
         for position, variable in places.items():
             if variable.causality == "output":
@@ -449,28 +404,17 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
         SpecificationError: If the specification has a name that the monitor itself uses.
         InputError: If this platform has no library, or it was not built.
     """
-    spec = programs.program.specification
-    file = programs.file(token=_UNNAMED, stop=stop)
-    meanings = {
-        name: f"{spec.formulas[name]}{note and f', {note}'}"
-        for name, note in programs.notes.items()
-    }
-    description = Description(
-        name=spec.title or "monitor",
-        text=str(spec.formula),
-        token=_UNNAMED,
-        step=programs.step,
-        variables=variables_of(file, meanings, spec.declared_ranges, spec.columns),
-    )
+    variables = variables_of(programs, stop=stop)
     # The token is a hash of the content, so that tools do not reuse the files of another unit.
-    content = description_text(description, fmi) + program_text(file).encode()
+    content = description_text(programs, variables, _UNNAMED, fmi)
+    content += programs.text(token=_UNNAMED, stop=stop).encode()
     token = str(uuid.UUID(bytes=hashlib.sha256(content).digest()[:16]))
     built = library()
     return _zipped(
         {
-            "modelDescription.xml": description_text(replace(description, token=token), fmi),
+            "modelDescription.xml": description_text(programs, variables, token, fmi),
             built.paths[fmi]: built.data,
-            "resources/program.rtamt": program_text(replace(file, token=token)).encode(),
+            "resources/program.rtamt": programs.text(token=token, stop=stop).encode(),
         }
     )
 

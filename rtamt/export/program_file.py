@@ -64,7 +64,7 @@ The library runs the file as follows:
   terminateSimulation.
 - Parameters can be set until initialization ends, inputs at any time before terminate.
 
-To add a kind of record, change this table, `program_text` and the reader in
+To add a kind of record, change this table, `Programs` and the reader in
 ``rtamt/native/fmu/program.cpp``. ``tests/bench/fmu.py`` measures a step.
 """
 
@@ -73,18 +73,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import NamedTuple
+from functools import cached_property
 
 from rtamt.language.interval import Traced
 from rtamt.language.specification import Specification
 from rtamt.monitors.options import Options, SampleOptions, compiled, compiled_dense
 from rtamt.program.dense_lowering import DenseProgram, compile_regions
 from rtamt.program.encoding import (
-    DiscreteRow,
-    Encoded,
-    EncodedDense,
-    EncodedEpisode,
-    EncodedRegions,
     clock_of,
     encoded_dense,
     encoded_discrete,
@@ -99,134 +94,70 @@ from rtamt.program.placement import place, variants_of
 from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
-
-@dataclass(frozen=True, slots=True)
-class Named:
-    """A variable of the unit: its name and its start value."""
-
-    name: str
-    start: float
-
-
-@dataclass(frozen=True, slots=True)
-class SampledFile:
-    """The programs of a unit on samples.
-
-    Attributes:
-        period: Numerator and denominator of the seconds between samples.
-        readings: The number of episodes of the specification: one, or two with neutral predicates,
-            which are -0.0 in the first.
-        episodes: Their programs, then the programs of named formulas that no monitor can wait for.
-        monitor: The program of the other named formulas; None without named formulas. It has all
-            terms of the episodes, so that it refuses every sample that an episode refuses.
-        observed: Register and latency of each of the other named formulas.
-        sources: The index of the episode of every named formula; None: the next observed register.
-    """
-
-    period: tuple[int, int]
-    readings: int
-    episodes: Sequence[EncodedEpisode]
-    monitor: Encoded | None
-    observed: Sequence[tuple[int, int]]
-    sources: Sequence[int | None]
-
-
-class RegionFile(NamedTuple):
-    """A program over the regions of dense time.
-
-    Attributes:
-        reach: The maximum distance in ticks of the times that a value depends on.
-        terms: The terms.
-        regions: The formulas.
-    """
-
-    reach: int
-    terms: Sequence[DiscreteRow]
-    regions: EncodedRegions
-
-
-@dataclass(frozen=True, slots=True)
-class DenseFile:
-    """The programs of a unit over dense time.
-
-    Attributes:
-        clock: Ticks per second.
-        readings: The number of episodes of the specification.
-        episodes: Their programs, then the programs of named formulas that no monitor can wait for.
-        monitor: The program of the other named formulas.
-        observed: The register of each of the other named formulas.
-        sources: The number of the episode of every named formula, where the episodes of the
-            specification count as number 0; None: the next observed register.
-    """
-
-    clock: tuple[float, int, int]
-    readings: int
-    episodes: Sequence[RegionFile]
-    monitor: EncodedDense | None
-    observed: Sequence[int]
-    sources: Sequence[int | None]
-
-
-@dataclass(frozen=True, slots=True)
-class ProgramFile:
-    """The content of the file.
-
-    Attributes:
-        token: The guid or instantiation token.
-        inputs: The variables, in the order of the programs.
-        formulas: The names of the named formulas.
-        parameters: The constants that may be set.
-        fixed: The constants in bounds of intervals.
-        stop: The start value of ``stop_on_violation``.
-        programs: The programs.
-    """
-
-    token: str
-    inputs: Sequence[Named]
-    formulas: Sequence[str]
-    parameters: Sequence[Named]
-    fixed: Sequence[Named]
-    stop: bool
-    programs: SampledFile | DenseFile
+LineFields = tuple[str | float | None, ...]
+"""The fields of a line."""
 
 
 @dataclass(frozen=True)
 class Programs:
-    """The programs of a unit, with the texts for its model description.
+    """The programs of a unit, as records of its file.
 
     Attributes:
-        encoded: The programs in the form of the file.
         program: The program with all registers.
         step: Seconds between samples; None over dense time.
+        clock: The record of the period or the ticks.
         notes: A note on the value of each named formula.
+        episodes: The episode of each named formula in the file; None: the next observed register.
+        records: The records of the programs.
     """
 
-    encoded: SampledFile | DenseFile
     program: Program
     step: float | None
+    clock: LineFields
     notes: Mapping[str, str]
+    episodes: Sequence[int | None]
+    records: Sequence[LineFields]
 
-    def file(self, *, token: str, stop: bool) -> ProgramFile:
-        """Return the program file of the unit."""
+    @cached_property
+    def inputs(self) -> Mapping[str, float]:
+        """The variables with their start values, in the order of the programs."""
         spec = self.program.specification
-        variables = [Named(name, _start(spec, name)) for name in self.program.variables]
-        constants = [Named(name, value) for name, value in spec.constants.items()]
-        used = self._constants()
-        return ProgramFile(
-            token=token,
-            inputs=variables,
-            formulas=list(self.notes),
-            parameters=[c for c in constants if c.name in used - spec.bounding],
-            fixed=[c for c in constants if c.name in spec.bounding],
-            stop=stop,
-            programs=self.encoded,
-        )
+        return {name: _start(spec, name) for name in self.program.variables}
 
-    def _constants(self) -> frozenset[str]:
-        """Return the constants that numbers of the program depend on."""
+    @cached_property
+    def parameters(self) -> Mapping[str, float]:
+        """The constants that may be set: numbers of the program depend on them."""
         numbers = [i.value for i in self.program.instructions if isinstance(i, Const)]
         traced = [number for number in numbers if isinstance(number, Traced)]
-        return frozenset[str]().union(*(number.constants for number in traced))
+        used = frozenset[str]().union(*(number.constants for number in traced))
+        spec = self.program.specification
+        return {n: v for n, v in spec.constants.items() if n in used - spec.bounding}
+
+    @cached_property
+    def fixed(self) -> Mapping[str, float]:
+        """The constants in bounds of intervals."""
+        spec = self.program.specification
+        return {name: v for name, v in spec.constants.items() if name in spec.bounding}
+
+    def text(self, *, token: str, stop: bool) -> str:
+        """Return the text of the file, for UTF-8 and Unix line ends."""
+        writer = _Writer(self.parameters)
+        writer.add("rtamt-program", 3)
+        writer.add("token", token)
+        writer.add(*self.clock)
+        for name, start in self.inputs.items():
+            writer.add("input", name, float(start))
+        for name, episode in zip(self.notes, self.episodes, strict=True):
+            writer.add("formula", name, episode)
+        for name, start in self.parameters.items():
+            writer.add("parameter", name, float(start))
+        for name, value in self.fixed.items():
+            writer.add("fixed", name, float(value))
+        writer.add("stop", int(stop))
+        for record in self.records:
+            writer.add(*record)
+        text = "".join(writer.lines)
+        return f"{text}end {_hash(text.encode()):016x}\n"
 
 
 def _start(spec: Specification, variable: str) -> float:
@@ -244,31 +175,72 @@ def sampled_programs(
     program, step = parts.program, Fraction(parts.period or 1)
     running = program.running(*program.specification.formulas.values())
     late = {name: running.latencies[register] for name, register in running.outputs.items()}
-    monitor = _monitor(running)
-    registers, sources = _episodes(program, late)
+    registers, numbers = _episodes(program, late)
     readings = variants_of(program)
-    episodes = [*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)]
-    for episode in episodes:
+    records: list[LineFields] = [("episodes", len(readings))]
+    for episode in (*readings, *(variants_of(replace(program, result=r))[-1] for r in registers)):
         limit_episode(episode)
+        encoded = encoded_episode(episode)
+        records += [("episode",), *_rows("sample-row", encoded.terms)]
+        records += _rows("formula-row", encoded.formulas)
+        records += [("initial", *encoded.initial), ("streams", *encoded.streams)]
+    monitor = _monitor(running)
     if monitor is not None:
         limit_discrete(monitor)
-    encoded = SampledFile(
-        period=step.as_integer_ratio(),
-        readings=len(readings),
-        episodes=[encoded_episode(episode) for episode in episodes],
-        monitor=None if monitor is None else encoded_discrete(monitor),
-        observed=[]
-        if monitor is None
-        else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
-        sources=[None if source is None else source + len(readings) - 1 for source in sources],
+        records += [
+            ("monitor", monitor.terms),
+            *_rows("sample-row", encoded_discrete(monitor).rows),
+        ]
+        observed = monitor.outputs.items()
+        records += [("observed", register, late[name] or 0) for name, register in observed]
+    # The file counts the episodes of the specification, of which there may be two.
+    numbers = [None if n is None else n + len(readings) - 1 for n in numbers]
+    clock = ("samples", *step.as_integer_ratio())
+    return Programs(program, float(step), clock, _notes(late, step), numbers, records)
+
+
+def dense_programs(
+    caller: Callable[..., object], spec: Specification, resolution: Period, options: Options
+) -> Programs:
+    """Return the programs of a unit over dense time; ``spec`` has traced constants."""
+    _, interface, _, dense = compiled_dense(caller, spec, resolution, options, online=False)
+    program = dense.program
+    running = program.running(*program.specification.formulas.values())
+    late = {name: running.latencies[register] for name, register in running.outputs.items()}
+    regions = compile_regions(
+        program.specification, dense.resolution, interface=interface, named=True
     )
-    return Programs(encoded, program, float(step), _notes(late, step))
+    registers, numbers = _episodes(regions.program, late)
+    readings = variants_of(regions.program)
+    results = [(regions.reach, reading) for reading in readings]
+    others = map(regions.of, registers)
+    results += [(other.reach, variants_of(other.program)[-1]) for other in others]
+    records: list[LineFields] = [("episodes", len(readings))]
+    for reach, result in results:
+        placed = place(result)
+        encoded = encoded_regions(placed)
+        records += [("regions", reach), *_rows("sample-row", encoded_terms(placed.program))]
+        records += _rows("region-row", encoded.rows)
+        records += [("initial", *encoded.initial), ("streams", *encoded.streams)]
+        records += [("unknowns", *encoded.unknowns)]
+    monitor = _monitor(running)
+    if monitor is not None:
+        rows = encoded_dense(DenseProgram(monitor, dense.resolution)).rows
+        records += [("dense", monitor.terms), *_rows("dense-row", rows)]
+        records += [("observed", register) for register in monitor.outputs.values()]
+    # The simulator's time is in seconds, whatever the unit of the specification is.
+    clock = ("ticks", *clock_of(dense.resolution))
+    return Programs(program, None, clock, _notes(late, dense.resolution), numbers, records)
+
+
+def _rows(kind: str, rows: Iterable[LineFields]) -> list[LineFields]:
+    return [(kind, *row) for row in rows]
 
 
 def _episodes(
     program: Program, late: Mapping[str, int | None]
 ) -> tuple[list[int], list[int | None]]:
-    """Return the registers of named formulas that need an episode because a monitor cannot wait.
+    """Return the named formulas with an episode of their own because a monitor cannot wait.
 
     Args:
         program: The program of the specification, which is episode 0.
@@ -279,21 +251,13 @@ def _episodes(
         None if it has a latency.
     """
     episodes = {program.result: 0}
-    sources: list[int | None] = []
+    numbers: list[int | None] = []
     for name, latency in late.items():
-        source = None
+        number = None
         if latency is None:
-            source = episodes.setdefault(program.outputs[name], len(episodes))
-        sources.append(source)
-    return list(episodes)[1:], sources
-
-
-def _notes(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
-    """Return a note on each named formula, with latencies in steps of this length."""
-    return {
-        name: "as if the run ended now" if latency is None else _late(latency * step)
-        for name, latency in late.items()
-    }
+            number = episodes.setdefault(program.outputs[name], len(episodes))
+        numbers.append(number)
+    return list(episodes)[1:], numbers
 
 
 def _monitor(program: Program) -> Program | None:
@@ -309,107 +273,20 @@ def _monitor(program: Program) -> Program | None:
     return replace(program, result=0, outputs=outputs).reordered(registers, program.terms)
 
 
-def dense_programs(
-    caller: Callable[..., object], spec: Specification, resolution: Period, options: Options
-) -> Programs:
-    """Return the programs of a unit over dense time; ``spec`` has traced constants."""
-    _, interface, _, compiled_program = compiled_dense(
-        caller, spec, resolution, options, online=False
-    )
-    program = compiled_program.program
-    running = program.running(*program.specification.formulas.values())
-    late = {name: running.latencies[register] for name, register in running.outputs.items()}
-    monitor = _monitor(running)
-    regions = compile_regions(
-        program.specification, compiled_program.resolution, interface=interface, named=True
-    )
-    registers, sources = _episodes(regions.program, late)
-    results = [regions, *(regions.of(register) for register in registers)]
-    readings = [variants_of(result.program) for result in results]
-    # The simulator's time is in seconds, whatever the unit of the specification is.
-    clock = clock_of(compiled_program.resolution)
-    encoded = DenseFile(
-        clock=clock,
-        readings=len(readings[0]),
-        episodes=[
-            RegionFile(result.reach, encoded_terms(placed.program), encoded_regions(placed))
-            for i, (result, variants) in enumerate(zip(results, readings, strict=True))
-            for placed in map(place, variants if i == 0 else variants[-1:])
-        ],
-        monitor=None
-        if monitor is None
-        else encoded_dense(DenseProgram(monitor, compiled_program.resolution)),
-        observed=[] if monitor is None else list(monitor.outputs.values()),
-        sources=sources,
-    )
-    return Programs(encoded, program, None, _notes(late, compiled_program.resolution))
-
-
-def _late(time: Fraction) -> str:
-    return f"late by {float(time):g} s" if time else ""
-
-
-def program_text(file: ProgramFile) -> str:
-    """Return the text of a file, for UTF-8 and Unix line ends."""
-    writer = _Writer([parameter.name for parameter in file.parameters])
-    writer.add("rtamt-program", 3)
-    writer.add("token", file.token)
-    match file.programs:
-        case SampledFile(period):
-            writer.add("samples", *period)
-        case DenseFile(clock):
-            writer.add("ticks", *clock)
-    for entry in file.inputs:
-        writer.add("input", entry.name, float(entry.start))
-    for name, source in zip(file.formulas, file.programs.sources, strict=True):
-        writer.add("formula", name, source)
-    for parameter in file.parameters:
-        writer.add("parameter", parameter.name, float(parameter.start))
-    for entry in file.fixed:
-        writer.add("fixed", entry.name, float(entry.start))
-    writer.add("stop", int(file.stop))
-    match file.programs:
-        case SampledFile():
-            _sampled(writer, file.programs)
-        case DenseFile():
-            _dense(writer, file.programs)
-    text = "".join(writer.lines)
-    return f"{text}end {_hash(text.encode()):016x}\n"
-
-
-def _sampled(writer: _Writer, programs: SampledFile) -> None:
-    writer.add("episodes", programs.readings)
-    for episode in programs.episodes:
-        writer.add("episode")
-        writer.rows("sample-row", episode.terms)
-        writer.rows("formula-row", episode.formulas)
-        writer.add("initial", *episode.initial)
-        writer.add("streams", *episode.streams)
-    if programs.monitor is not None:
-        writer.add("monitor", programs.monitor.terms)
-        writer.rows("sample-row", programs.monitor.rows)
-        writer.rows("observed", programs.observed)
-
-
-def _dense(writer: _Writer, programs: DenseFile) -> None:
-    writer.add("episodes", programs.readings)
-    for reach, terms, regions in programs.episodes:
-        writer.add("regions", reach)
-        writer.rows("sample-row", terms)
-        writer.rows("region-row", regions.rows)
-        writer.add("initial", *regions.initial)
-        writer.add("streams", *regions.streams)
-        writer.add("unknowns", *regions.unknowns)
-    if programs.monitor is not None:
-        writer.add("dense", programs.monitor.terms)
-        writer.rows("dense-row", programs.monitor.rows)
-        writer.rows("observed", ((register,) for register in programs.observed))
+def _notes(late: Mapping[str, int | None], step: Fraction) -> dict[str, str]:
+    """Return a note on each named formula, with latencies in steps of this length."""
+    return {
+        name: "as if the run ended now"
+        if latency is None
+        else f"late by {float(latency * step):g} s" * bool(latency * step)
+        for name, latency in late.items()
+    }
 
 
 class _Writer:
     """The lines of a file, and its derived numbers."""
 
-    def __init__(self, parameters: Sequence[str]) -> None:
+    def __init__(self, parameters: Iterable[str]) -> None:
         self.lines: list[str] = []
         self._known = {name: f"%{i}" for i, name in enumerate(parameters)}
         self._derived = 0
@@ -417,10 +294,6 @@ class _Writer:
     def add(self, *fields: str | float | None) -> None:
         line = " ".join([self._field(field) for field in fields])
         self.lines.append(f"{line}\n")
-
-    def rows(self, kind: str, rows: Iterable[tuple[str | float | None, ...]]) -> None:
-        for row in rows:
-            self.add(kind, *row)
 
     def _field(self, field: str | float | None) -> str:
         if isinstance(field, Traced):

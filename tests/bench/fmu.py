@@ -15,7 +15,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from rtamt.export.program_file import dense_programs, program_text, sampled_programs
+from rtamt.export.program_file import dense_programs, sampled_programs
 from rtamt.language.parser import as_specification, traced
 
 C = Path(__file__).parent / "c"
@@ -92,7 +92,7 @@ def main() -> None:
                 else sampled_programs(main, spec, 1, {})
             )
             file = folder / "program.rtamt"
-            file.write_text(program_text(programs.file(token=TOKEN, stop=False)))
+            file.write_text(programs.text(token=TOKEN, stop=False))
             cost = measure([str(driver), library, folder.as_uri(), TOKEN])
             print(f"{label:22} {cost:8.1f}  {cost - floor:+8.1f}")
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, cast
 import pytest
 from bits import bits
 
-from rtamt.export.program_file import Programs, dense_programs, program_text, sampled_programs
+from rtamt.export.program_file import Programs, dense_programs, sampled_programs
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import SampleOptions, Spec
 
@@ -61,7 +61,7 @@ def dense(spec: Spec, resolution: str = "1ns") -> Programs:
 
 def write(folder: Path, programs: Programs, *, stop: bool = False) -> Path:
     """Write the file of a unit, and return its folder."""
-    text = program_text(programs.file(token=TOKEN, stop=stop))
+    text = programs.text(token=TOKEN, stop=stop)
     (folder / "program.rtamt").write_bytes(text.encode())
     return folder
 
