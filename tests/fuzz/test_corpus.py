@@ -12,7 +12,6 @@ from fuzz_targets import TARGETS
 from fuzz_units import FOLDER, TEXTS, programs
 from paths import ROOT, exclusive
 
-from rtamt.export.program_file import program_text
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -32,7 +31,7 @@ def test_inputs_of_python_targets_break_nothing(name: str, subtests: pytest.Subt
 @pytest.mark.parametrize("name", TEXTS)
 def test_units_of_the_fuzzers_are_what_is_exported(name: str) -> None:
     held = (FOLDER / name / "program.rtamt").read_text()
-    assert held == program_text(programs(name).file(token="{token}", stop=False))  # noqa: S106
+    assert held == programs(name).text(token="{token}", stop=False)  # noqa: S106
 
 
 @pytest.fixture(scope="module")
