@@ -12,7 +12,6 @@ from fuzz_targets import TARGETS
 from fuzz_units import FOLDER, TEXTS, programs
 from paths import ROOT, exclusive
 
-
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 HERE = Path(__file__).parent
