@@ -23,9 +23,6 @@ def read_only(slot: MemberDescriptorType) -> object: ...
 def ticks(
     clock: tuple[float, int, int], times: NDArray[np.float64]
 ) -> NDArray[np.int64] | None: ...
-def term_columns(
-    rows: Sequence[tuple[object, ...]], columns: Sequence[NDArray[np.float64]]
-) -> tuple[list[NDArray[np.float64]], int]: ...
 def term_ranges(
     rows: Sequence[tuple[object, ...]],
     variables: int,

@@ -2,10 +2,10 @@
 
 The sign bit of a robustness is the truth of the formula, so a register is a truth here: a minimum
 is a conjunction, a maximum a disjunction, and the folds of windows act on truths as on numbers.
-There are two encodings. `truth` encodes each sample, in the worlds that
-`rtamt.machines.episode.machine` describes and in one more: a trace that repeats its last samples
-for ever. `truth_of_runs` encodes only the samples where the trace may change, so that long windows
-cost as little as short ones; it covers only traces that change nowhere else.
+There are two encodings. `truth` encodes each sample, in a world of `rtamt.machines.protocols` or on
+a trace that repeats its last samples for ever. `truth_of_runs` encodes only the samples where the
+trace may change, so that long windows cost as little as short ones; it covers only traces that
+change nowhere else.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from fractions import Fraction
 from time import monotonic
 from typing import Final
 
 from rtamt.checking.graph import FALSE, TRUE, Atom, Graph, TermKey, TermTruths, Truth, TruthElement
 from rtamt.language.declarations import range_text
+from rtamt.machines.protocols import World
 from rtamt.program.algebra import FOLDS
 from rtamt.program.instructions import Const, Window
 from rtamt.program.placement import positive
@@ -35,39 +35,13 @@ _MAX_GRID: Final = 256
 """The maximum number of times on an even grid where a trace may change."""
 
 
-class World(Enum):
-    """The assumption about the samples after the last; see `rtamt.machines.episode.machine`."""
-
-    COMPLETE = "complete"
-    LOWER = "lower"
-    UPPER = "upper"
-    CUT_LOWER = "cut lower"
-    CUT_UPPER = "cut upper"
-    ENDLESS = "endless"
-
-    @property
-    def open(self) -> World:
-        """The world that gives an unbounded future its value at unrecorded times."""
-        return World.LOWER if self is World.CUT_LOWER else World.UPPER
-
-    @property
-    def cut(self) -> bool:
-        """Whether bounded windows are complete."""
-        return self in {World.CUT_LOWER, World.CUT_UPPER}
-
-    @property
-    def best(self) -> bool:
-        """Whether unseen predicates hold."""
-        return self in {World.UPPER, World.CUT_UPPER}
-
-
 def truth(
     graph: Graph,
     samples: TermTruths,
     program: Program,
     count: int,
-    world: World,
-    loop: int = 1,
+    world: World = World.NOW,
+    loop: int = 0,
     deadline: float = math.inf,
 ) -> Truth:
     """Return whether the result of a program holds at the first sample.
@@ -77,8 +51,8 @@ def truth(
         samples: The truths of terms.
         program: The program.
         count: The number of samples.
-        world: The assumption about the samples after the last.
-        loop: The number of last samples that repeat for ever in the endless world.
+        world: What follows the last sample of a trace that ends.
+        loop: The number of last samples that repeat for ever; 0: the trace ends.
         deadline: The latest `time.monotonic` for an answer.
 
     Raises:
@@ -118,8 +92,9 @@ class _Encoding:
         loop: int,
         deadline: float,
     ) -> None:
-        self._graph, self._samples, self._program, self._loop = graph, samples, program, loop
+        self._graph, self._samples, self._program = graph, samples, program
         self._last, self._deadline = last, deadline
+        self._ends, self._loop = loop == 0, max(1, loop)
         self._until = _last_reads(program)
         self._known: dict[tuple[int, World], _History] = {}
 
@@ -143,7 +118,7 @@ class _Encoding:
         instruction = self._program.formula(register)
         needs = [(a, world) for a in instruction.args]
         if isinstance(instruction, Window) and _has_open_values(instruction, world):
-            needs.append((register, world.open))
+            needs.append((register, world.opened))
         return needs
 
     def _encoded(self, register: int, world: World) -> _History:
@@ -172,7 +147,7 @@ class _Encoding:
     def _predicate(self, register: int, world: World) -> _History:
         if isinstance(self._program.instructions[register], Const):
             return _History([self._samples(self._program, register, 0)] * self._loop, self._loop)
-        start = self._last + 1 if world is not World.ENDLESS else self._last + 1 - self._loop
+        start = self._last + 1 if self._ends else self._last + 1 - self._loop
 
         def value(i: int) -> Truth:
             if i > self._last:
@@ -183,16 +158,15 @@ class _Encoding:
 
     def _window(self, register: int, window: Window, world: World) -> _History:
         operands = [self._known[a, world] for a in window.args]
-        ahead = window.hi is None or window.hi > 0
-        skips = world in {World.LOWER, World.UPPER} and window.skips(best=world.best)
-        ends = ahead and (world is World.COMPLETE or skips or (world.cut and window.hi is None))
+        ends = self._ends and window.ahead and world.ends(window)
+        skips = ends and world in {World.LOWER, World.UPPER}
         folds = _Folds(self._graph, window.fold, operands, self._last if ends else None, self._loop)
         # A window into the past repeats later than its operands do.
         behind = self._loop - min(0, window.hi or 0) if window.lo is None else max(0, -window.lo)
         start = folds.start + behind
-        if world is not World.ENDLESS:
+        if self._ends:
             start = max(start, self._last + 1)
-        others = self._known[register, world.open] if _has_open_values(window, world) else None
+        others = self._known[register, world.opened] if _has_open_values(window, world) else None
         others_from = self._last + 1 - window.begin
         if others is not None:
             start = max(start, others.start, others_from)

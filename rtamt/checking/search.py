@@ -18,7 +18,6 @@ from typing import Final
 from rtamt.checking.answers import ExampleTrace
 from rtamt.checking.encoding import (
     VariableLimits,
-    World,
     change_times,
     truth,
     truth_of_runs,
@@ -34,7 +33,7 @@ from rtamt.checking.graph import (
 )
 from rtamt.checking.solver import PointChoices, Solution, Solver, is_exact
 from rtamt.machines.bounds import split
-from rtamt.machines.protocols import End
+from rtamt.machines.protocols import End, World, worlds_of
 from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.verdict import Verdict
 from rtamt.program.instructions import Window
@@ -55,11 +54,6 @@ _ROOM: Final = 1e-9
 """The share of a step that stays free for the rounding of values."""
 
 _FAR: Final = 2**40
-_ENDS: Final[Mapping[End, tuple[World, World]]] = {
-    "complete": (World.COMPLETE, World.COMPLETE),
-    "cut": (World.CUT_LOWER, World.CUT_UPPER),
-    "open": (World.LOWER, World.UPPER),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,9 +203,9 @@ class WitnessSearch:
         Raises:
             TimeoutError: After the deadline.
         """
-        lower, upper = _ENDS[self._end] if not loop else (World.ENDLESS, World.ENDLESS)
+        lower, upper = worlds_of("complete" if loop else self._end)
         truths = [
-            self._truth(goal, count, lower if goal.holds else upper, loop or 1, deadline)
+            self._truth(goal, count, lower if goal.holds else upper, loop, deadline)
             for goal in goals
         ]
         return [*truths, *self._limit_truths(goals, _Shape(count, loop))]
@@ -286,7 +280,7 @@ class WitnessSearch:
             return SearchAnswer(trace)
         # A goal that fails after each prefix of this length fails on shorter traces too.
         possible = [
-            self._truth(g, count, World.UPPER if g.holds else World.LOWER, 1, deadline)
+            self._truth(g, count, World.UPPER if g.holds else World.LOWER, 0, deadline)
             for g in goals
         ]
         if all(truth == TRUE for truth in possible) or not proves:
@@ -457,7 +451,7 @@ def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None,
         try:
             if trace.loop:
                 samples, count = known_samples(trace.columns), trace.samples
-                result = truth(Graph(), samples, program, count, World.ENDLESS, trace.loop)
+                result = truth(Graph(), samples, program, count, loop=trace.loop)
                 if (result == TRUE) is not goal.holds:
                     return False
             # The monitors see only a part of an endless trace; they must not contradict its truth.

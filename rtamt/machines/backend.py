@@ -50,7 +50,7 @@ from rtamt.machines.protocols import (
     TraceSet,
 )
 from rtamt.machines.segments import FindRuns
-from rtamt.machines.terms import FindRanges, FindTerms, term_columns, term_ranges
+from rtamt.machines.terms import FindRanges, term_ranges
 from rtamt.machines.walk import FoldPairs
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.program import Program
@@ -94,7 +94,6 @@ class Factories:
     episode_batch: Callable[[Program, int, BatchReader], EpisodeBatch]
     clock_batch: Callable[[Sequence[OperatorClock], int, int], ClockBatch]
     clock: Callable[[DenseProgram], Clock]
-    term_columns: FindTerms
     term_ranges: FindRanges
     episode_monitor_set: Callable[..., Any] | None = None
     episode_run: Callable[[Program, Sequence[Floats], int, End], EpisodeRun | None] | None = None
@@ -115,7 +114,6 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonEpisodeBatch,
         PythonClockBatch,
         Clock,
-        term_columns,
         term_ranges,
     )
 }
@@ -144,7 +142,6 @@ else:
         native.episode_batch,
         native.clock_batch,
         native.NativeClock,
-        native.term_columns,
         native.term_ranges,
         native.episode_monitor_set,
         native.episode_run,

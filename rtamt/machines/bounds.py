@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.backend import Factories
 from rtamt.machines.offline import without_nan
-from rtamt.machines.protocols import End
+from rtamt.machines.protocols import End, World, worlds_of
 from rtamt.machines.segments import FOREVER, PlaceRuns
-from rtamt.machines.walk import FoldPairs, Keys, TraceEnd, Walk, initial_registers, to_keys
+from rtamt.machines.walk import FoldPairs, Keys, Walk, initial_registers, to_keys
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.memory import limit_beyond, sufficient
 from rtamt.program.placement import positive
@@ -101,7 +101,7 @@ class TraceBounds:
 
     def robustness(self) -> float:
         """Return the robustness of the complete trace, the smallest one for uncertain values."""
-        return self._given.at_zero(_COMPLETE)
+        return self._given.at_zero(World.NOW)
 
     def bounds(self, end: End) -> tuple[float, float]:
         """Return the smallest and the largest robustness that a reading of the end leaves possible.
@@ -109,26 +109,26 @@ class TraceBounds:
         Both are the robustness of a complete trace, unless neutral predicates or uncertain values
         matter.
         """
-        lower, upper = _endings(end)
+        lower, upper = worlds_of(end)
         return self._worst.at_zero(lower), self._best.at_zero(upper)
 
     def fails(self, end: End) -> NDArray[np.bool_]:
         """Return whether the result fails for certain, at every sample."""
         result = self._best_split.formulas.result
-        return self._best.recorded(result, _endings(end)[1]) < 0
+        return self._best.recorded(result, worlds_of(end)[1]) < 0
 
     def holds(self, end: End) -> NDArray[np.bool_]:
         """Return whether the result holds for certain, at every sample."""
-        return self._worst.recorded(self.split.formulas.result, _endings(end)[0]) >= 0
+        return self._worst.recorded(self.split.formulas.result, worlds_of(end)[0]) >= 0
 
     def recorded(self, end: End) -> tuple[Keys, Keys, Keys]:
         """Return robustness, lower and upper bound of the result at every sample.
 
         They are one object if the values are known.
         """
-        lower, upper = _endings(end)
+        lower, upper = worlds_of(end)
         worst, best = self.split.formulas.result, self._best_split.formulas.result
-        robustness = self._given.recorded(best, _COMPLETE)
+        robustness = self._given.recorded(best, World.NOW)
         return robustness, self._worst.recorded(worst, lower), self._best.recorded(best, upper)
 
     def around_end(self, end: End) -> tuple[tuple[Keys, Keys], tuple[Keys, Keys]]:
@@ -136,7 +136,7 @@ class TraceBounds:
 
         After the trace the last value stays.
         """
-        lower, upper = _endings(end)
+        lower, upper = worlds_of(end)
         worst, best = self.split.formulas.result, self._best_split.formulas.result
         return (
             (self._worst.recorded(worst, lower), self._worst.beyond(worst, lower)),
@@ -151,25 +151,15 @@ class TraceBounds:
         program = self._best_split.formulas
         root = program.instructions[program.result]
         register = root.args[-1] if isinstance(root, Window) else program.result
-        return self._best.beyond(register, _endings(end)[1])
+        return self._best.beyond(register, worlds_of(end)[1])
 
     def undecided(self, register: int, end: End) -> PlaceRuns:
         """Return where a register of the formulas may have either sign, on a trace that goes on."""
-        lower, upper = _endings(end)
+        lower, upper = worlds_of(end)
         worst, best, r = self._worst, self._best, register
         recorded = _differ(worst.recorded(r, lower), best.recorded(r, upper))
         beyond = _differ(worst.beyond(r, lower), best.beyond(r, upper))
         return PlaceRuns.where(np.concatenate([recorded, beyond]), None, FOREVER)
-
-
-_COMPLETE = TraceEnd("complete", best=False)
-
-
-def _endings(end: End) -> tuple[TraceEnd, TraceEnd]:
-    """Return the endings for the lower and for the upper bound."""
-    if end == "complete":
-        return _COMPLETE, _COMPLETE
-    return TraceEnd(end, best=False), TraceEnd(end, best=True)
 
 
 def needed_samples(program: Program, n: int) -> int:

@@ -26,9 +26,8 @@ from rtamt.machines.dense.episode import (
     everywhere,
 )
 from rtamt.machines.dense.episode import dense_values as python_dense_values
-from rtamt.machines.dense.rows import RegionRows, declared_of
+from rtamt.machines.dense.rows import declared_of
 from rtamt.machines.dense.runs import Runs
-from rtamt.machines.episode.streams import NOW
 from rtamt.machines.protocols import (
     DenseSigns,
     End,
@@ -37,8 +36,8 @@ from rtamt.machines.protocols import (
     EpisodeRuns,
     SampleRuns,
     TraceSet,
+    World,
 )
-from rtamt.machines.state import StateFields
 from rtamt.machines.terms import RefusesRanges
 from rtamt.program.dense_lowering import DenseProgram, RegionProgram
 from rtamt.program.encoding import (
@@ -130,34 +129,8 @@ def dense_machine(
     return _native.DenseMachine(*encoded_dense(program), declared, observed, reader)
 
 
-class _Regions(StateFields):
-    """The registers in C++, as `Regions` in Python."""
-
-    STATE = ()
-
-    def __init__(self, placement: Placement) -> None:
-        self._machine = _native.DenseRegions(*encoded_regions(placement))
-
-    @property
-    def t(self) -> int:
-        return self._machine.t
-
-    def advance(self, rows: RegionRows, t: int) -> None:
-        self._machine.advance(rows.positions, rows.terms, t)
-
-    def look(self, worlds: Sequence[int]) -> list[float]:
-        values = self._machine.look(max(worlds) + 1)
-        return [values[world] for world in worlds]
-
-    def reset(self) -> None:
-        self._machine.reset()
-
-    def state(self) -> list[bytes]:
-        return [self._machine.state()]
-
-    def restore(self, state: list[bytes]) -> None:
-        (saved,) = state
-        self._machine.restore(saved)
+def _regions(placement: Placement) -> _native.DenseRegions:
+    return _native.DenseRegions(*encoded_regions(placement))
 
 
 class NativeClock(Clock):
@@ -179,7 +152,7 @@ def dense_episode_on_regions(
 ) -> PythonDenseEpisodeMachine:
     """Return the machine in Python on registers in C++."""
     counting = reader.with_clock(NativeClock(program))
-    return PythonDenseEpisodeMachine(program, counting, _Regions, term_columns, term_ranges)
+    return PythonDenseEpisodeMachine(program, counting, _regions, term_ranges)
 
 
 def dense_episode_machine(
@@ -204,7 +177,7 @@ def dense_signs(
     end: End,
 ) -> DenseSigns:
     if reader.unknown:  # the machine in C++ takes numbers
-        return PythonDenseSigns(program, reader, given, trace, end, (term_columns, term_ranges))
+        return PythonDenseSigns(program, reader, given, trace, end, term_ranges)
     return _native.DenseSigns(*_encoded_signs(program), reader, given, *trace, end)
 
 
@@ -217,8 +190,7 @@ def dense_values(
     beyond: bool = False,  # noqa: FBT001, FBT002 - as in Python
 ) -> tuple[Runs, Runs, Runs]:
     def in_python() -> tuple[Runs, Runs, Runs]:
-        terms = term_columns, term_ranges
-        return python_dense_values(program, reader, given, trace, end, beyond, terms)
+        return python_dense_values(program, reader, given, trace, end, beyond, term_ranges)
 
     if reader.unknown or not _has_one_variant(program):  # in C++ a place has one value
         return in_python()
@@ -228,12 +200,12 @@ def dense_values(
     except ValueError:  # a term is not a number
         return in_python()
 
-    def result(world: int) -> Runs:
+    def result(world: World) -> Runs:
         starts, values = machine.result(world)
         return Runs(starts, (values,))
 
     low, high = bound_worlds(program.program, end, beyond=beyond)
-    now = result(NOW)
+    now = result(World.NOW)
     return (now, now, now) if low == high else (now, result(low), result(high))
 
 
@@ -261,17 +233,6 @@ def episode_batch(program: Program, num: int, reader: BatchReader) -> _native.Ep
 
 def clock_batch(clocks: Sequence[OperatorClock], parts: int, num: int) -> _native.ClockBatch:
     return _native.ClockBatch(clocks, parts, num)
-
-
-def term_columns(
-    program: Program,
-    columns: Sequence[Floats],
-    refuse: Callable[[list[float], int], NoReturn],
-) -> list[Floats]:
-    terms, fine = _native.term_columns(encoded_terms(program), columns)
-    if fine < len(columns[0]):
-        refuse([float(column[fine]) for column in columns], fine)
-    return terms
 
 
 def term_ranges(

@@ -103,7 +103,7 @@ def _planned(program: Program, n: int) -> _Plan:
     program = program.clamped(n)
     first = next(iter(program.outputs.values()))
     program = program.restricted(first, program.outputs)
-    windows = [i for i in program.instructions if isinstance(i, Window)]
+    windows = program.windows
     if all(window.lo is not None for window in windows):
         backwards = any(window.hi is None for window in windows)
         return _Plan((), program.mirrored() if backwards else program, backwards)
@@ -161,5 +161,4 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
 @functools.lru_cache(maxsize=512)
 def _greatest_bound(program: Program) -> int:
     """Return the largest number of samples that a window reaches back or ahead."""
-    windows = [i for i in program.instructions if isinstance(i, Window)]
-    return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
+    return max((abs(b) for w in program.windows for b in (w.lo, w.hi) if b is not None), default=0)

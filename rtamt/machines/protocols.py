@@ -18,10 +18,10 @@ To add a machine, such as one for another time domain: a protocol here, a Python
 every kind of instruction and names its changing fields in ``STATE``, and a field of `Factories` in
 `rtamt.machines.backend`.
 
-To add an end mode, such as ``end="cut"``: add its name to `End`, and decide in
-`rtamt.program.instructions.Window` how windows read unseen samples. Then give it a meaning in
+To add an end mode, such as ``end="cut"``: add its name to `End`, and its worlds to `World`. mypy
+then lists each ``match`` with ``assert_never`` that must read them. Also give it a meaning in
 
-- `rtamt.machines`: ``bounds``, ``walk``, ``episode/machine`` and ``dense/episode``;
+- ``walk``, ``episode/streams`` and ``dense/regions`` of `rtamt.machines`, where they read ``cut``;
 - ``rtamt/native``: ``core/order.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/episodes.cpp`` and
   ``batch/variants.cpp``;
@@ -39,9 +39,11 @@ again; ``git grep "complete.*cut.*open"`` finds the tests, errors and pages that
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from types import MemberDescriptorType
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Final, Literal, NamedTuple, Protocol, assert_never
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,9 +52,83 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.events import GivenLike
 from rtamt.program.implications import Counted, InstantRuns
+from rtamt.program.instructions import Window
 
 End = Literal["complete", "cut", "open"]
 """How a trace ends: complete, cut at an arbitrary time, or open to go on."""
+
+
+class World(IntEnum):
+    """What follows the last sample: how the trace ends, and the value of unseen predicates.
+
+    ========================  ==================================================================
+    ``NOW``                   nothing: windows are cut to the trace
+    ``LOWER``, ``UPPER``      an open trace: unseen samples exist, except for windows that skip
+                              them (`Window.skips`)
+    ``CUT_LOWER/CUT_UPPER``   a cut trace: unseen samples exist for windows with an end; others
+                              read the recorded samples, and an operator without a recorded
+                              sample has its values of ``LOWER`` and ``UPPER``
+    ========================  ==================================================================
+    """
+
+    NOW = 0
+    LOWER = 1
+    UPPER = 2
+    CUT_LOWER = 3
+    CUT_UPPER = 4
+
+    @property
+    def best(self) -> bool:
+        """Whether every unseen predicate is +inf."""
+        return self in (World.UPPER, World.CUT_UPPER)
+
+    @property
+    def unseen(self) -> float:
+        """The value of every unseen predicate; nothing reads it in ``NOW``."""
+        return math.inf if self.best else -math.inf
+
+    @property
+    def cut(self) -> bool:
+        """Whether the trace was cut."""
+        return self in (World.CUT_LOWER, World.CUT_UPPER)
+
+    @property
+    def opened(self) -> World:
+        """The world with the values of an operator of which nothing was recorded."""
+        if not self.cut:
+            return self
+        return World.UPPER if self.best else World.LOWER
+
+    def ends(self, window: Window) -> bool:
+        """Return whether a window reads only recorded samples, and the sample of its own time."""
+        match self:
+            case World.NOW:
+                return True
+            case World.LOWER | World.UPPER:
+                return window.skips(best=self.best)
+            case World.CUT_LOWER | World.CUT_UPPER:
+                return window.hi is None
+            case _ as never:
+                assert_never(never)
+
+
+OPEN_WORLDS: Final = (World.NOW, World.LOWER, World.UPPER)
+"""The worlds whose values a machine shows after each sample."""
+
+
+def worlds_of(end: End) -> tuple[World, World]:
+    """Return the worlds of the lower and of the upper bound at an end of the trace."""
+    match end:
+        case "complete":
+            return World.NOW, World.NOW
+        case "cut":
+            return World.CUT_LOWER, World.CUT_UPPER
+        case "open":
+            return World.LOWER, World.UPPER
+        case _ as never:
+            assert_never(never)
+
+
 MachineState = Any
 """State of a machine; only machines of the same program and back-end can read it."""
 

@@ -54,9 +54,9 @@ class _Retired:
 class StateFields:
     """An object with its state in the fields that its class names.
 
-    A field is a number, a tuple or array that never changes in place, another `StateFields`, or a
-    list or deque of these; objects, lists and deques may be nested one deep. Snapshots share no
-    list with the object, and `restore` keeps the objects in fields.
+    A field is a number, a tuple or array that never changes in place, another object with a state,
+    or a list or deque of these; objects, lists and deques may be nested one deep. Snapshots share
+    no list with the object, and `restore` keeps the objects in fields.
 
     Attributes:
         STATE: Names of the fields that change between calls; ``reset`` sets their first values.
@@ -76,7 +76,7 @@ class StateFields:
             value = getattr(self, name) if type(saved) is list else None
             if isinstance(value, StateFields):
                 value.restore(saved)
-            elif value and isinstance(value[0], StateFields):
+            elif value and hasattr(value[0], "restore"):
                 for part, part_state in zip(value, saved, strict=True):
                     part.restore(part_state)
             else:
@@ -85,10 +85,10 @@ class StateFields:
 
 def _copied(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
     if isinstance(value, list | deque):
-        if value and isinstance(value[0], StateFields | list | deque):
+        if value and (hasattr(value[0], "restore") or isinstance(value[0], list | deque)):
             return [_copied(part) for part in value]
         return value.copy()
-    return value.state() if isinstance(value, StateFields) else value
+    return value.state() if hasattr(value, "restore") else value
 
 
 class Readout:

@@ -18,12 +18,6 @@ from rtamt.program.program import Program, ranges_of
 Registers = list[float]
 Operation = Callable[[Registers], None]
 """Computes one register from others."""
-FindTerms = Callable[
-    [Program, Sequence[Floats], Callable[[list[float], int], NoReturn]], list[Floats]
-]
-"""Evaluates terms as `term_columns` does."""
-
-
 _Place = TypeVar("_Place")
 
 
@@ -60,18 +54,6 @@ class Terms(Generic[_Place]):
             if value != value:  # noqa: PLR0124 - nan
                 self._refuse(values, place)
         return registers
-
-
-def term_columns(
-    program: Program,
-    columns: Sequence[Floats],
-    refuse: Callable[[list[float], int], NoReturn],
-) -> list[Floats]:
-    """Return the registers of the terms at n samples."""
-    terms: Terms[int] = Terms(program, refuse)
-    samples = zip(*(column.tolist() for column in columns), strict=True)
-    rows = [terms(list(values), i) for i, values in enumerate(samples)]
-    return list(np.array(rows).reshape(len(rows), program.terms).T.copy())
 
 
 def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:

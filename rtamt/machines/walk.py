@@ -8,12 +8,7 @@ After its terms, a program of bounds has no negations (`rtamt.program.placement`
 maxima. Columns hold the integers of `rtamt.program.algebra.ordered`, because NumPy's minimum and
 maximum of integers order -0.0 below 0.0.
 
-The end modes, for unseen predicates that are all -inf or all +inf:
-
-* ``"complete"``: windows are cut to the trace.
-* ``"open"``: unseen samples exist, except for windows that skip them (`Window.skips`).
-* ``"cut"``: unseen samples exist for windows with an end. Operators without an end read only
-  recorded samples; an operator without a recorded sample has its values of ``"open"``.
+`rtamt.machines.protocols.World` explains what follows the trace.
 """
 
 from __future__ import annotations
@@ -26,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.machines.protocols import End
+from rtamt.machines.protocols import World
 from rtamt.program.algebra import FOLDS, LatticeFold, ordered
 from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
@@ -45,13 +40,6 @@ _FLIP = np.iinfo(np.int64).max
 # The number of elements in one fold: the arrays of a window fit into a fast cache.
 _BLOCK = 1 << 15
 _PREFIX_BLOCK = 1 << 17
-
-
-class TraceEnd(NamedTuple):
-    """An end mode, and one assumption about unseen predicates: at best +inf, otherwise -inf."""
-
-    end: End
-    best: bool
 
 
 def to_keys(numbers: NDArray[np.float64]) -> Keys:
@@ -83,7 +71,7 @@ _NOTHING = {name: tuple(map(_key, fold.identity)) for name, fold in FOLDS.items(
 
 
 class _Tail(NamedTuple):
-    """The values of a register in one ending.
+    """The values of a register in one world.
 
     Attributes:
         settled: The number of first values that equal the values of the complete trace.
@@ -114,11 +102,11 @@ class Walk:
         self._columns = dict(zip(program.variables, columns, strict=True))
         self._n = n
         self._complete: dict[int, Keys] = {}
-        self._tails: dict[tuple[int, TraceEnd], _Tail] = {}
+        self._tails: dict[tuple[int, World], _Tail] = {}
         # Folds of a window's first elements, by register and how many they are.
         self._totals: dict[tuple[int, int], tuple[int, ...]] = {}
 
-    def at_zero(self, ending: TraceEnd) -> float:
+    def at_zero(self, world: World) -> float:
         """Return the program's result at time 0."""
         values: dict[int, int] = {}
         for register in initial_registers(self._program):
@@ -131,33 +119,28 @@ class Walk:
                     choose = min if function == "min" else max
                     values[register] = choose(values[a] for a in args)
                 case Window() as window:
-                    values[register] = self._window_at_zero(register, window, ending)
+                    values[register] = self._window_at_zero(register, window, world)
         return number_of(values[self._program.result])
 
-    def recorded(self, register: int, ending: TraceEnd) -> Keys:
+    def recorded(self, register: int, world: World) -> Keys:
         """Return the values of a register at the recorded times, one object if all settle."""
-        if ending.end == "complete" or self._tail(register, ending).settled == self._n:
+        if world is World.NOW or self._tail(register, world).settled == self._n:
             return self._of_complete(register)
-        return self._between(register, ending, 0, self._n)
+        return self._between(register, world, 0, self._n)
 
-    def beyond(self, register: int, ending: TraceEnd) -> Keys:
+    def beyond(self, register: int, world: World) -> Keys:
         """Return the values of a register after the trace; the last value stays for ever."""
-        tail = self._tail(register, ending)
+        tail = self._tail(register, world)
         return tail.rest[self._n - tail.settled :]
 
-    def _window_at_zero(self, register: int, window: Window, ending: TraceEnd) -> int:
+    def _window_at_zero(self, register: int, window: Window, world: World) -> int:
         """Return a window at time 0 only, without a column."""
         n, fold = self._n, FOLDS[window.fold]
-        if ending.end == "cut" and window.endless and window.begin >= n:
-            ending = TraceEnd("open", ending.best)
-        if (
-            ending.end == "complete"
-            or (ending.end == "cut" and window.hi is None)
-            or (ending.end == "open" and window.skips(best=ending.best))
-        ):
-            last = n - 1
-        else:
-            last = max(self._tail(a, ending).last for a in window.args)
+        if world.cut and window.endless and window.begin >= n:
+            world = world.opened
+        last = n - 1
+        if not world.ends(window):
+            last = max(self._tail(a, world).last for a in window.args)
         begin = max(0, window.lo or 0)
         if last >= n:  # later elements are all the same, and fold to one of them
             last = max(begin, last)
@@ -166,32 +149,32 @@ class Walk:
             return _NOTHING[fold.name][-1]
         settled = 0
         if window.hi is None:
-            settled = min(n, *(self._settled(a, ending) for a in window.args))
+            settled = min(n, *(self._settled(a, world) for a in window.args))
         if settled <= begin:
-            columns = [self._between(a, ending, begin, end + 1) for a in window.args]
+            columns = [self._between(a, world, begin, end + 1) for a in window.args]
             return self._total(fold, columns)[-1]
         if (register, settled) not in self._totals:
             columns = [self._of_complete(a)[begin:settled] for a in window.args]
             self._totals[register, settled] = self._total(fold, columns)
         total = self._totals[register, settled]
         if settled <= end:
-            remainder = [self._between(a, ending, settled, end + 1) for a in window.args]
+            remainder = [self._between(a, world, settled, end + 1) for a in window.args]
             total = fold.made(min, max)(total, self._total(fold, remainder))
         return total[-1]
 
-    def _settled(self, register: int, ending: TraceEnd) -> int:
-        if ending.end == "complete":
-            late = self._program.latencies[register]  # as in the other endings, to share a fold
+    def _settled(self, register: int, world: World) -> int:
+        if world is World.NOW:
+            late = self._program.latencies[register]  # as in the other worlds, to share a fold
             return self._n if late is None else max(0, self._n - late)
-        return self._tail(register, ending).settled
+        return self._tail(register, world).settled
 
-    def _between(self, register: int, ending: TraceEnd, begin: int, end: int) -> Keys:
+    def _between(self, register: int, world: World, begin: int, end: int) -> Keys:
         """Return the values at times from begin to before end, possibly after the trace."""
         if begin >= end:
-            return _UNSEEN[ending.best][:0]
-        if ending.end == "complete":
+            return _UNSEEN[world.best][:0]
+        if world is World.NOW:
             return self._of_complete(register)[begin:end]
-        settled, remainder = self._tail(register, ending)
+        settled, remainder = self._tail(register, world)
         parts = []
         if begin < settled:
             parts.append(self._of_complete(register)[begin : min(end, settled)])
@@ -226,79 +209,78 @@ class Walk:
                 late = min(-(hi or 0), self._n)
                 return np.concatenate([np.full(late, _NOTHING[fold][-1]), folds[: self._n - late]])
             case Window() as window:
-                return self._sliding(window, TraceEnd("complete", best=False), 0, self._n, self._n)
+                return self._sliding(window, World.NOW, 0, self._n, self._n)
 
-    def _tail(self, register: int, ending: TraceEnd) -> _Tail:
-        """Return the values in one ending that is not complete."""
-        if (register, ending) not in self._tails:
+    def _tail(self, register: int, world: World) -> _Tail:
+        """Return the values in a world other than ``NOW``."""
+        if (register, world) not in self._tails:
             for operand in _needed(self._program, register):
-                if (operand, ending) not in self._tails:
-                    self._tails[operand, ending] = self._made_tail(operand, ending)
-        return self._tails[register, ending]
+                if (operand, world) not in self._tails:
+                    self._tails[operand, world] = self._made_tail(operand, world)
+        return self._tails[register, world]
 
-    def _made_tail(self, register: int, ending: TraceEnd) -> _Tail:
+    def _made_tail(self, register: int, world: World) -> _Tail:
         n, instruction = self._n, self._program.instructions[register]
         match instruction:
             case Load():
-                return _Tail(n, _UNSEEN[ending.best])
+                return _Tail(n, _UNSEEN[world.best])
             case Const(value):
                 return _Tail(n, np.array([_key(value)]))
-        tails = [self._tail(a, ending) for a in instruction.args]
+        tails = [self._tail(a, world) for a in instruction.args]
         known, last = min(t.settled for t in tails), max(t.last for t in tails)
         match instruction:
             case Map(function, args):
-                columns = [self._between(a, ending, known, last + 1) for a in args]
+                columns = [self._between(a, world, known, last + 1) for a in args]
                 return _Tail(known, _mapped(function, columns))
             case Window(_, _, None) as window:
-                return self._future(register, window, ending, known)
+                return self._future(register, window, world, known)
             case Window(_, None, hi) as window:
-                return self._past(register, window, hi or 0, ending, known, last)
+                return self._past(register, window, hi or 0, world, known, last)
             case Window(fold, lo, hi, args) as window:
                 settled = min(n, max(0, known - (hi or 0)))
-                if ending.end == "open" and window.skips(best=ending.best):
-                    folds = self._sliding(window, ending, settled, n, n)
+                if world.ends(window):
+                    folds = self._sliding(window, world, settled, n, n)
                     later = np.array(_NOTHING[fold][-1:])
                     if not lo:  # of an unseen time, which is there if it is read
-                        later = self._between(args[-1], ending, n, last + 1)
+                        later = self._between(args[-1], world, n, last + 1)
                     return _Tail(settled, np.concatenate([folds, later]))
                 end = max(n, last - (lo or 0)) + 1
-                folds = self._sliding(window, ending, settled, end, None)
-                if ending.end == "cut" and window.endless:
-                    sample = max(settled, n - window.begin)
-                    opened = TraceEnd("open", ending.best)
+                folds = self._sliding(window, world, settled, end, None)
+                if world.cut and window.endless:
+                    sample, opened = max(settled, n - window.begin), world.opened
                     end = max(n, self._tail(register, opened).last) + 1
                     later = self._between(register, opened, sample, end)
                     folds = np.concatenate([folds[: sample - settled], later])
                 return _Tail(settled, folds)
 
-    def _future(self, register: int, window: Window, ending: TraceEnd, known: int) -> _Tail:
+    def _future(self, register: int, window: Window, world: World, known: int) -> _Tail:
         """Return a window without an end that starts now."""
         n, fold, args = self._n, FOLDS[window.fold], window.args
-        opened, skips = TraceEnd("open", ending.best), window.skips(best=ending.best)
+        opened, skips = world.opened, world.opened.ends(window)
         end = max(self._tail(a, opened).last for a in args) + 1
         later = [self._between(a, opened, n, end) for a in args]
         beyond = later[-1] if skips else self._suffixes(fold, later)
-        if ending.end == "cut" or skips:
+        if world.ends(window):
             if known == n:
                 return _Tail(n, beyond)
-            recorded = self._suffixes(fold, [self._between(a, ending, 0, n) for a in args])
+            recorded = self._suffixes(fold, [self._between(a, world, 0, n) for a in args])
             return _Tail(0, np.concatenate([recorded, beyond]))
         if fold.width > 1 or known < n:
-            return _Tail(0, self._suffixes(fold, [self._between(a, ending, 0, end) for a in args]))
+            return _Tail(0, self._suffixes(fold, [self._between(a, world, 0, end) for a in args]))
         if beyond[0] == -1 - _NOTHING[fold.name][0]:  # it decides every fold that it is in
             return _Tail(0, np.concatenate([np.full(n, beyond[0]), beyond]))
         recorded = _mapped(fold.name, [self._of_complete(register), beyond[:1]])
         return _Tail(0, np.concatenate([recorded, beyond]))
 
     def _past(
-        self, register: int, window: Window, hi: int, ending: TraceEnd, known: int, last: int
+        self, register: int, window: Window, hi: int, world: World, known: int, last: int
     ) -> _Tail:
         """Return a window over all times up to an offset."""
         fold, args, nothing = FOLDS[window.fold], window.args, _NOTHING[window.fold]
         settled = min(self._n, known - hi)
         folded = max(0, settled + hi)  # elements in the value of the last settled time
         end = max(self._n, last) - hi + 1
-        columns = [self._between(a, ending, folded, end + hi) for a in args]
+        columns = [self._between(a, world, folded, end + hi) for a in args]
         if folded:  # of an older element such folds read its result alone
             before = int(self._of_complete(register)[settled - 1])
             older = (*nothing[:-1], before)
@@ -308,7 +290,7 @@ class Walk:
         return _Tail(settled, np.concatenate([early, folds]))
 
     def _sliding(
-        self, window: Window, ending: TraceEnd, begin: int, end: int, limit: int | None
+        self, window: Window, world: World, begin: int, end: int, limit: int | None
     ) -> Keys:
         """Return a window with both bounds at times from begin to before end."""
         lo, hi = window.lo or 0, window.hi or 0
@@ -321,7 +303,7 @@ class Walk:
             stop = max(start, high if limit is None else min(high, limit))
             columns = []
             for argument, nothing in zip(window.args, _NOTHING[window.fold], strict=True):
-                column = self._between(argument, ending, start, stop)
+                column = self._between(argument, world, start, stop)
                 if (start, stop) != (low, high):
                     missing = start - low, high - stop
                     before, behind = (np.full(count, nothing) for count in missing)

@@ -750,7 +750,7 @@ class _RegionRun:
         self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
         self._unneeded = _unneeded(regions.program)
         self._values, self._reader, self._end = values, reader, end
-        self._terms = machines.term_columns, machines.term_ranges
+        self._find = machines.term_ranges
         self._signals: dict[int, tuple[RobustnessSignal, RobustnessSignal]] = {}
 
     def bounds(self, formula: Formula) -> Bounds:
@@ -770,7 +770,7 @@ class _RegionRun:
             unknown = RobustnessSignal(np.array([math.nan]), np.zeros(1, np.int64))
             return unknown, unknown
         part = self._program.restricted(register, {})
-        rows = rows_of(part, self._values, self._reader, self._terms)
+        rows = rows_of(part, self._values, self._reader, self._find)
         last = 2 * (self._values.last - self._values.begin)
         _, *bounds = with_robustness(part, rows, last, self._end)
         if self._end == "complete":

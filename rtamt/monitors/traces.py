@@ -479,10 +479,9 @@ class DenseTrace(_Trace[CompiledEvents]):
         """Return the registers of the formula, for an end that is not complete."""
         reader, last, begin = self._reader, self.last, self._span[0]
         values = values_between(reader.counted(self._events), self._span)
-        terms = self._machines.term_columns, self._machines.term_ranges
-        rows = rows_of(self._regions.program, values, reader, terms)
+        rows = rows_of(self._regions.program, values, reader, self._machines.term_ranges)
         cut = self.end == "cut"
-        outlook = DenseOutlook(self._regions.program, rows, last, cut=cut)
+        outlook = DenseOutlook(self._regions.program, rows, last, self.end)
         program = outlook.program
 
         def reach(register: int) -> tuple[Node, int, int | None]:

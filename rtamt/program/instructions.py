@@ -70,6 +70,11 @@ class Window:
         return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
 
     @property
+    def ahead(self) -> bool:
+        """Whether it reads later elements."""
+        return self.hi is None or self.hi > 0
+
+    @property
     def begin(self) -> int:
         """The offset at which the operator of an ``endless`` window starts."""
         return (self.hi or 0) + 1 if self.guard else self.lo or 0
@@ -80,8 +85,7 @@ class Window:
         The upper bound of minima and the lower bound of maxima do, except for the window's own
         time.
         """
-        ahead = self.hi is None or self.hi > 0
-        return ahead and not self.guard and (FOLDS[self.fold].identity[-1] > 0) == best
+        return self.ahead and not self.guard and (FOLDS[self.fold].identity[-1] > 0) == best
 
     def mirrored(self) -> Window:
         """Return the same window with time flipped: future is past."""

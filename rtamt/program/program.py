@@ -83,6 +83,11 @@ class Program:
         """Return the instruction of a register that is a window."""
         return cast("Window", self.instructions[register])
 
+    @property
+    def windows(self) -> list[Window]:
+        """The windows, in order."""
+        return [i for i in self.instructions if isinstance(i, Window)]
+
     def delay(self, register: int, operand: int) -> int:
         """Return the number of samples by which a register with a latency delays an operand."""
         instruction = self.instructions[register]

@@ -9,10 +9,11 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, assert_never, cast
+from typing import Any, Protocol, assert_never
 
 import numpy as np
 
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given, GivenLike
 from rtamt.machines.dense.regions import (
@@ -27,7 +28,6 @@ from rtamt.machines.dense.regions import (
 )
 from rtamt.machines.dense.rows import (
     EventMachine,
-    FindBoth,
     RegionRows,
     TraceValues,
     rows_of,
@@ -35,24 +35,15 @@ from rtamt.machines.dense.rows import (
     together,
     values_between,
 )
-from rtamt.machines.dense.runs import Runs, clipped, joint
-from rtamt.machines.episode.streams import (
-    CUT,
-    CUT_LOWER,
-    CUT_UPPER,
-    LOWER,
-    NOW,
-    UPPER,
-    WORLDS,
-)
-from rtamt.machines.protocols import End
+from rtamt.machines.dense.runs import Positions, Runs, clipped, joint
+from rtamt.machines.protocols import OPEN_WORLDS, End, World, worlds_of
 from rtamt.machines.segments import FOREVER, PlaceRuns
 from rtamt.machines.state import StateFields, moved, verdict_of
-from rtamt.machines.terms import FindRanges, FindTerms, Registers, term_columns, term_ranges
+from rtamt.machines.terms import FindRanges, Registers, term_ranges
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram
 from rtamt.program.implications import Counted, InstantRuns
-from rtamt.program.instructions import Const, Map, Window
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import Placement, place, variants_of
 from rtamt.program.program import Program
 
@@ -77,7 +68,7 @@ class Regions(StateFields):
             if isinstance(window := self.program.instructions[register], Window)
         }
         self._keepers: list[Any] = [*self.streams.values(), *self._folds.values()]
-        self.unknowns = np.zeros((5, len(self._axes)))
+        self.unknowns = np.zeros((len(World), len(self._axes)))
         self.reset()
 
     def _made(self, register: int) -> RegionStream:
@@ -100,14 +91,14 @@ class Regions(StateFields):
             case _ as never:
                 assert_never(never)
 
-    def advance(self, rows: RegionRows, t: int) -> None:
+    def advance(self, positions: Positions, terms: Sequence[Floats], t: int) -> None:
         """Take the terms at new positions; all positions up to t have been seen."""
         if self.t < 0:
-            self._first = [float(values[0]) for values in rows.terms]
+            self._first = [float(values[0]) for values in terms]
         self.t = t
         for register, stream in self.streams.items():
             if isinstance(stream, RegionPredicate):
-                stream.take(rows.positions, rows.terms[register])
+                stream.take(positions, terms[register])
             runs = stream.settle(t)
             if runs is None:
                 continue
@@ -121,7 +112,7 @@ class Regions(StateFields):
         for stream in self.streams.values():
             stream.trim()
 
-    def unfold(self, rows: RegionRows, t: int, worlds: Sequence[int]) -> None:
+    def unfold(self, rows: RegionRows, t: int, worlds: Sequence[World]) -> None:
         """Take a whole trace, of which only predicates settle, and compute all runs."""
         self.t = t
         for register, stream in self.streams.items():
@@ -132,34 +123,36 @@ class Regions(StateFields):
             for world in worlds:
                 stream.look(world, t, self.unknowns)
 
-    def look(self, worlds: Sequence[int]) -> list[float]:
-        """Return the robustness at the start in some worlds."""
+    def look(self, worlds: int) -> list[float]:
+        """Return the robustness at the start in the first worlds."""
+        known = list(World)[:worlds]
         for stream in self.streams.values():
-            for world in worlds:
+            for world in known:
                 stream.look(world, self.t, self.unknowns)
         values: dict[int, list[float]] = {}
         for register in self._initial:
-            values[register] = self._at_zero(register, values, worlds)
+            values[register] = self._at_zero(register, values, known)
         return values[self.program.result]
 
     def _at_zero(
-        self, register: int, values: dict[int, list[float]], worlds: Sequence[int]
+        self, register: int, values: dict[int, list[float]], worlds: Sequence[World]
     ) -> list[float]:
-        instruction = self.program.instructions[register]
-        if isinstance(instruction, Const):
-            return [instruction.value] * len(worlds)
-        if register < self.program.terms:
-            if self.t >= 0:
-                return [self._first[register]] * len(worlds)
-            return [math.nan, -math.inf, math.inf]
-        fold = self._folds.get(register)
-        if fold is not None:
-            return [fold.value(world, self.t, self.unknowns) for world in worlds]
-        function, args = cast("Map", instruction).function, cast("Map", instruction).args
-        choose = FUNCTIONS[function].apply
-        return [choose(*x) for x in zip(*(values[a] for a in args), strict=True)]
+        match self.program.instructions[register]:
+            case Const(value):
+                return [value] * len(worlds)
+            case Window():
+                fold = self._folds[register]
+                return [fold.value(world, self.t, self.unknowns) for world in worlds]
+            case Map(function, args) if register >= self.program.terms:
+                choose = FUNCTIONS[function].apply
+                return [choose(*x) for x in zip(*(values[a] for a in args), strict=True)]
+            case Load() | Map():
+                seen = self.t >= 0
+                return [self._first[register] if seen else world.unseen for world in worlds]
+            case _ as never:
+                assert_never(never)
 
-    def seen(self, register: int, world: int) -> Runs:
+    def seen(self, register: int, world: World) -> Runs:
         """Return all runs of a stream in a world, if nothing has settled."""
         return self.streams[register].seen(world, 0, self.unknowns)
 
@@ -175,11 +168,11 @@ class RegionRegisters(Protocol):
 
     @property
     def t(self) -> int: ...
-    def advance(self, rows: RegionRows, t: int) -> None: ...
-    def look(self, worlds: Sequence[int]) -> list[float]: ...
+    def advance(self, positions: Positions, terms: Sequence[Floats], t: int) -> None: ...
+    def look(self, worlds: int) -> Sequence[float]: ...
     def reset(self) -> None: ...
-    def state(self) -> list[Any]: ...
-    def restore(self, state: list[Any]) -> None: ...
+    def state(self) -> Any: ...  # noqa: ANN401 - of the back-end
+    def restore(self, state: Any) -> None: ...  # noqa: ANN401
 
 
 class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
@@ -210,13 +203,12 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
         regions: RegionProgram,
         reader: EventReader,
         make: Callable[[Placement], RegionRegisters] = Regions,
-        find: FindTerms = term_columns,
-        ranges: FindRanges = term_ranges,
+        find: FindRanges = term_ranges,
     ) -> None:
         super().__init__(regions.program, reader)
         self._program = regions
         self._make = make
-        self._find, self._ranges = find, ranges
+        self._find = find
         self._programs = variants_of(regions.program)
         self._readings = [make(place(program)) for program in self._programs]
         self.reset()
@@ -254,7 +246,7 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
 
     def complete(self) -> tuple[float, float]:
         """Return the bounds of the complete trace."""
-        bounds = [reading.look((0,))[0] for reading in self._all()]
+        bounds = [reading.look(1)[0] for reading in self._all()]
         return bounds[0], bounds[-1]
 
     def _all(self) -> list[RegionRegisters]:
@@ -277,7 +269,7 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
         """Return the terms at all new times for each of the registers; changes nothing."""
         trace = TraceValues(begin, end, *together(self._waiting, begin, end), dated)
-        terms = terms_of(self._programs, (self._find, self._ranges), self.reader, trace)
+        terms = terms_of(self._programs, self._find, self.reader, trace)
         if self._greatest and len(terms) == len(self._readings):
             terms.append(terms[-1])
         length = end - begin + self._program.reach
@@ -308,22 +300,22 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
         after, (self.robustness, self.lower, self.upper) = final
         self._restore(after)
 
-    def _states(self) -> list[list[Any]]:
+    def _states(self) -> list[Any]:
         return [reading.state() for reading in self._all()]
 
-    def _restore(self, states: Sequence[list[Any]]) -> None:
+    def _restore(self, states: Sequence[Any]) -> None:
         for reading, state in zip(self._all(), states, strict=True):
             reading.restore(state)
 
     def _go(self, rows: Sequence[RegionRows], known: int, ticks: int) -> None:
         for reading, terms in zip(self._all(), rows, strict=True):
-            reading.advance(terms.between(2 * known, 2 * ticks), 2 * ticks)
+            reading.advance(*terms.between(2 * known, 2 * ticks), 2 * ticks)
         self._conclude()
 
     def _conclude(self) -> None:
-        values = [reading.look(WORLDS) for reading in self._all()]
-        self.lower, self.upper = values[0][1], values[-1][2]
-        self.robustness = values[len(self._readings) - 1][0]
+        values = [reading.look(len(OPEN_WORLDS)) for reading in self._all()]
+        self.lower, self.upper = values[0][World.LOWER], values[-1][World.UPPER]
+        self.robustness = values[len(self._readings) - 1][World.NOW]
         if self._readings[0].t < 0:
             self.robustness = math.nan
 
@@ -332,12 +324,10 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
             return self.robustness
         if math.isinf(self._end):
             self.reader.refuse_end(self._first, self._last, self._dated)
-        if end == "complete":
-            self.lower, self.upper = self.complete()
-        elif end == "cut":
-            values = [reading.look((*WORLDS, *CUT)) for reading in self._all()]
-            self.lower, self.upper = values[0][3], values[-1][4]
-            self.robustness = moved(self.robustness, self.lower, self.upper)
+        low, high = worlds_of(end)
+        values = [reading.look(high + 1) for reading in self._all()]
+        self.lower, self.upper = values[0][low], values[-1][high]
+        self.robustness = moved(self.robustness, self.lower, self.upper)
         self.finished = True
         return self.robustness
 
@@ -361,7 +351,7 @@ def dense_values(
     trace: tuple[int, int],
     end: End,
     beyond: bool = False,  # noqa: FBT001, FBT002 - an argument of a back-end
-    terms: FindBoth = (term_columns, term_ranges),
+    find: FindRanges = term_ranges,
 ) -> tuple[Runs, Runs, Runs]:
     """Return robustness, lower and upper bound of the result on a trace and after it.
 
@@ -371,7 +361,7 @@ def dense_values(
     result that does not look ahead has no bounds of its own.
     """
     values = values_between(reader.counted(given), trace)
-    rows, last = rows_of(regions.program, values, reader, terms), 2 * (trace[1] - trace[0])
+    rows, last = rows_of(regions.program, values, reader, find), 2 * (trace[1] - trace[0])
     return with_robustness(regions.program, rows, last, end, beyond=beyond)
 
 
@@ -379,7 +369,10 @@ def with_robustness(
     program: Program, rows: Sequence[RegionRows], last: int, end: End, *, beyond: bool = False
 ) -> tuple[Runs, Runs, Runs]:
     """Return the values of `dense_values` from the terms."""
-    worlds, (low, high) = _worlds(program, end, beyond=beyond)
+    low, high = bound_worlds(program, end, beyond=beyond)
+    worlds = {World.NOW, low, high}
+    if any(window.hi is None or window.endless for window in program.windows):
+        worlds |= {low.opened, high.opened}
     programs = variants_of(program)
     # With uncertain values the last rows are the largest terms of the last program.
     variant = {0: programs[0], len(programs) - 1: programs[-1], len(rows) - 1: programs[-1]}
@@ -387,44 +380,28 @@ def with_robustness(
         program.instructions[program.result], Const
     ):
         runs = {
-            i: dict.fromkeys((NOW, low, high), Runs(rows[i].positions, (rows[i].terms[v.result],)))
+            i: dict.fromkeys(
+                (World.NOW, low, high), Runs(rows[i].positions, (rows[i].terms[v.result],))
+            )
             for i, v in variant.items()
         }
     else:
         runs = {}
         for i, v in variant.items():
             regions = Regions(everywhere(v))
-            regions.unfold(rows[i], last, worlds)
-            runs[i] = {world: regions.seen(v.result, world) for world in {NOW, low, high}}
-    return runs[len(programs) - 1][NOW], runs[0][low], runs[len(rows) - 1][high]
+            regions.unfold(rows[i], last, sorted(worlds))
+            runs[i] = {world: regions.seen(v.result, world) for world in {World.NOW, low, high}}
+    return runs[len(programs) - 1][World.NOW], runs[0][low], runs[len(rows) - 1][high]
 
 
-def bound_worlds(program: Program, end: End, *, beyond: bool = False) -> tuple[int, int]:
+def bound_worlds(program: Program, end: End, *, beyond: bool = False) -> tuple[World, World]:
     """Return the worlds of the lower and the upper bound."""
-    if end == "complete" or not (beyond or _looks_ahead(program)):
-        return NOW, NOW
-    return (CUT_LOWER, CUT_UPPER) if end == "cut" else (LOWER, UPPER)
-
-
-def _worlds(
-    program: Program, end: End, *, beyond: bool = False
-) -> tuple[Sequence[int], tuple[int, int]]:
-    """Return the worlds to compute, and those of the lower and the upper bound."""
-    low, high = bound_worlds(program, end, beyond=beyond)
-    if low == high:
-        return (NOW,), (NOW, NOW)
-    if end == "cut":
-        windows = (i for i in program.instructions if isinstance(i, Window))
-        # Only windows without an end read what an open trace has.
-        bounded = all(window.hi is not None and not window.endless for window in windows)
-        return (NOW, *CUT) if bounded else (*WORLDS, *CUT), (low, high)
-    return WORLDS, (low, high)
+    return worlds_of(end if beyond or _looks_ahead(program) else "complete")
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def _looks_ahead(program: Program) -> bool:
-    windows = (i for i in program.instructions if isinstance(i, Window))
-    return any(window.hi is None or window.hi > 0 for window in windows)
+    return any(window.ahead for window in program.windows)
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
@@ -439,18 +416,17 @@ def everywhere(program: Program) -> Placement:
 class DenseOutlook:
     """The bounds of all registers of ``program`` on a trace."""
 
-    def __init__(
-        self, program: Program, rows: Sequence[RegionRows], last: int, *, cut: bool
-    ) -> None:
+    def __init__(self, program: Program, rows: Sequence[RegionRows], last: int, end: End) -> None:
         self.last = last
-        self._worlds = CUT if cut else (LOWER, UPPER)
+        low, high = self._worlds = worlds_of(end)
+        worlds = sorted({World.NOW, low.opened, high.opened, low, high})
         self._readings = []
         programs = variants_of(program)
         greatest = programs[-1:] * (len(rows) - len(programs))
         for variant, terms in zip((*programs, *greatest), rows, strict=True):
             self.program = variant
             regions = Regions(everywhere(variant))
-            regions.unfold(terms, last, (*WORLDS, *CUT) if cut else WORLDS)
+            regions.unfold(terms, last, worlds)
             self._readings.append(regions)
 
     def undecided(self, register: int) -> PlaceRuns:
@@ -473,10 +449,10 @@ class PythonDenseSigns:
         given: Sequence[Given],
         trace: tuple[int, int],
         end: End,
-        terms: FindBoth = (term_columns, term_ranges),
+        find: FindRanges = term_ranges,
     ) -> None:
         last = self._last = 2 * (trace[1] - trace[0])
-        _, *bounds = dense_values(regions, reader, given, trace, end, terms=terms)
+        _, *bounds = dense_values(regions, reader, given, trace, end, find=find)
         self._least, self._greatest = (clipped(bound, 0, last) for bound in bounds)
 
     def fails_at(self, instants: InstantRuns) -> Counted:

@@ -30,15 +30,13 @@ from rtamt.machines.dense.runs import (
     slid,
     suffixes,
 )
-from rtamt.machines.episode.streams import CUT, NOW, UPPER
+from rtamt.machines.protocols import World
 from rtamt.machines.state import StateFields
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
 from rtamt.program.instructions import Window
 
 INF = math.inf
-UNSEEN = (-INF, -INF, INF, -INF, INF)
-"""The values of predicates at unseen positions; in ``NOW`` nothing reads it."""
 
 
 def in_world(settled: Floats, unknowns: Floats) -> Floats:
@@ -75,7 +73,7 @@ class RegionStream(StateFields):
         self.corners = corners
         self.late = late
         self.keep = 1
-        self.open = [Runs(np.zeros(0, np.int64), (np.zeros(0),))] * 5
+        self.open = [Runs(np.zeros(0, np.int64), (np.zeros(0),))] * len(World)
         self.reset()
 
     def reset(self) -> None:
@@ -106,18 +104,18 @@ class RegionStream(StateFields):
         """Write an unknown as a polynomial in its later value."""
         self.kept = Runs(self.kept.starts, substituted(self.kept.values, axis, value))
 
-    def look(self, world: int, t: int, unknowns: Floats) -> None:
+    def look(self, world: World, t: int, unknowns: Floats) -> None:
         """Compute the open values of a world after position t."""
         self.open[world] = self._look(world, self.last + 1, t, unknowns).merged()
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:
         raise NotImplementedError
 
     def settled(self, begin: int, end: int) -> Runs:
         """Return the settled runs of positions begin to end."""
         return clipped(self.kept, begin, end)
 
-    def seen(self, world: int, begin: int, unknowns: Floats) -> Runs:
+    def seen(self, world: World, begin: int, unknowns: Floats) -> Runs:
         """Return the runs of a world from a position on."""
         if begin > self.last:
             return clipped(self.open[world], begin)
@@ -150,8 +148,8 @@ class RegionPredicate(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:
         return clipped(self.new, begin, end)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
-        return constant(UNSEEN[world], begin)
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
+        return constant(world.unseen, begin)
 
 
 class RegionConstant(RegionStream):
@@ -164,7 +162,7 @@ class RegionConstant(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:  # noqa: ARG002 - the same everywhere
         return constant(self._value, begin, self.corners)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         return constant(self._value, begin)
 
 
@@ -188,14 +186,13 @@ class RegionPointwise(RegionStream):
     def _settled(self, begin: int, end: int) -> Runs:
         return self._across(joint([s.settled(begin, end) for s in self._streams]))
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         return self._across(joint([s.seen(world, begin, unknowns) for s in self._streams]))
 
 
-def _stops(window: Window, world: int) -> bool:
+def _stops(window: Window, world: World) -> bool:
     """Return whether a fold reads nothing after the last position except its own."""
-    ahead = window.hi is None or window.hi > 0
-    return ahead if world == NOW else world not in CUT and window.skips(best=world == UPPER)
+    return not world.cut and window.ahead and world.ends(window)
 
 
 class RegionOperands:
@@ -220,7 +217,7 @@ class RegionOperands:
         runs = joint([s.settled(first, end) for s in self.streams])
         return paired(self.fold.name, runs, end)
 
-    def seen(self, world: int, begin: int, unknowns: Floats) -> Runs:
+    def seen(self, world: World, begin: int, unknowns: Floats) -> Runs:
         """Return the elements of a world from a position on."""
         runs = joint([s.seen(world, max(0, begin), unknowns) for s in self.streams])
         return paired(self.fold.name, runs, None)
@@ -249,7 +246,7 @@ class RegionSliding(RegionStream):
         elements = self._operands.settled(begin + self._lo, end + self._hi)
         return slid(self._fold, elements, self._lo, self._hi, begin, end)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:
         lo, hi = self._lo, self._hi
         elements = self._operands.seen(world, begin + lo, unknowns)
         if _stops(self._window, world):
@@ -260,9 +257,9 @@ class RegionSliding(RegionStream):
                 clipped(elements, begin + lo, t), identities(self._fold, (), max(t + 1, begin + lo))
             )
             return concatenated(slid(self._fold, known, lo, hi, begin, t), later)
-        if self._window.endless and world in CUT:
+        if self._window.endless and world.cut:
             recorded = t - self._window.begin
-            later = clipped(self.open[world - 2], max(begin, recorded + 1))
+            later = clipped(self.open[world.opened], max(begin, recorded + 1))
             if begin > recorded:
                 return later
             return concatenated(slid(self._fold, elements, lo, hi, begin, recorded), later)
@@ -291,7 +288,7 @@ class RegionPast(RegionStream):
         self._total = tuple(a[..., -1:] for a in values)
         return clipped(Runs(starts, values[-1:]), begin)
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:  # noqa: ARG002
         total = tuple(in_world(a, unknowns[world]) for a in self._total)
         elements = self._operands.seen(world, begin + self._hi, unknowns)
         starts, values = self._scanned(total, elements, begin)
@@ -334,10 +331,10 @@ class RegionFuture(RegionStream):
         )
         return Runs(starts, (suffixes(self._fold, both)[-1][..., :-1].copy(),))
 
-    def _look(self, world: int, begin: int, t: int, unknowns: Floats) -> Runs:
+    def _look(self, world: World, begin: int, t: int, unknowns: Floats) -> Runs:
         elements = self._operands.seen(world, begin, unknowns)
-        if world in CUT:
-            later = clipped(self.open[world - 2], max(begin, t + 1))
+        if world.cut:
+            later = clipped(self.open[world.opened], max(begin, t + 1))
         elif _stops(self._window, world):
             later = self._operands.own(0, elements, t, begin)
         else:
@@ -385,14 +382,14 @@ class AtBegin(StateFields):
             total = fold_all(self._fold, elements)
             self._total = self._fold.combine_arrays(self._total, total)
 
-    def value(self, world: int, t: int, unknowns: Floats) -> float:
+    def value(self, world: World, t: int, unknowns: Floats) -> float:
         """Return the fold over settled and open values in a world after position t."""
         endless = self._hi is None or self._window.endless
-        if world in CUT and endless and self._window.begin > t:
-            return self.value(world - 2, t, unknowns)
+        if world.cut and endless and self._window.begin > t:
+            return self.value(world.opened, t, unknowns)
         total = tuple(in_world(a, unknowns[world]) for a in self._total)
         begin, end = max(self._lo, self._last + 1), self._hi
-        if world in CUT and end is None:
+        if world.cut and end is None:
             end = t
         elif _stops(self._window, world):
             seen = max(t, 0) if self._lo == 0 else t

@@ -10,14 +10,13 @@ from typing import ClassVar, Generic, NamedTuple, NoReturn, TypeVar
 import numpy as np
 
 from rtamt.inputs.arrays import Floats
-from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.clock import Ticks
 from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given, not_known
 from rtamt.inputs.samples import in_between
 from rtamt.machines.dense.runs import Positions
 from rtamt.machines.state import Retiring, StateFields
-from rtamt.machines.terms import FindRanges, FindTerms
+from rtamt.machines.terms import FindRanges
 from rtamt.program.placement import variants_of
 from rtamt.program.program import Program
 
@@ -243,10 +242,6 @@ def values_at(ticks: Ticks, signal: TimedColumn) -> Floats:
     return values[steps.searchsorted(ticks, "right")]
 
 
-FindBoth = tuple[FindTerms, FindRanges]
-"""Evaluates terms of known values, and of uncertain ones."""
-
-
 class RegionRows(NamedTuple):
     """The terms from some positions on: for each its value from a position to the next."""
 
@@ -288,11 +283,11 @@ def values_between(
 
 
 def rows_of(
-    program: Program, trace: TraceValues, reader: EventReader, terms: FindBoth
+    program: Program, trace: TraceValues, reader: EventReader, find: FindRanges
 ) -> list[RegionRows]:
     """Return the terms of a program over a trace; see `terms_of`."""
     positions = 2 * (trace.ticks - trace.begin)
-    tables = terms_of(variants_of(program), terms, reader, trace)
+    tables = terms_of(variants_of(program), find, reader, trace)
     return [RegionRows(positions, table) for table in tables]
 
 
@@ -319,27 +314,20 @@ class _Refusal(NamedTuple):
     reader: EventReader
     trace: TraceValues
 
-    def refuse(self, values: Sequence[float | UncertainValue], i: int) -> NoReturn:
-        self.reader.refuse(values, (int(self.trace.ticks[i]), self.trace.dated))
-
     def refuse_between(
         self, lower: Iterable[float], upper: Iterable[float], sample: int
     ) -> NoReturn:
-        self.refuse([in_between(*ends) for ends in zip(lower, upper, strict=True)], sample)
+        values = [in_between(*ends) for ends in zip(lower, upper, strict=True)]
+        self.reader.refuse(values, (int(self.trace.ticks[sample]), self.trace.dated))
 
 
 def terms_of(
-    programs: Sequence[Program], terms: FindBoth, reader: EventReader, trace: TraceValues
+    programs: Sequence[Program], find: FindRanges, reader: EventReader, trace: TraceValues
 ) -> list[list[Floats]]:
     """Return the smallest terms of programs and, with uncertain values, the largest of the last."""
-    find, ranges = terms
-    refusal = _Refusal(reader, trace)
     lower = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 0]) for v in trace.values]
-    if not any(not_known(v).any() for v in trace.values):
-        return [find(program, lower, refusal.refuse) for program in programs]
     upper = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 1]) for v in trace.values]
-    bounds = [
-        ranges(program, refusal, range(program.terms), lower, upper, len(trace.ticks))
-        for program in programs
-    ]
-    return [*(least for least, _ in bounds), bounds[-1][1]]
+    refusal, n = _Refusal(reader, trace), len(trace.ticks)
+    bounds = [find(p, refusal, range(p.terms), lower, upper, n) for p in programs]
+    uncertain = any(not_known(values).any() for values in trace.values)
+    return [least for least, _ in bounds] + [bounds[-1][1]] * uncertain

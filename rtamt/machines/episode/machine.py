@@ -1,17 +1,13 @@
 """The machine of `EpisodeMonitor` in Python: the robustness of an episode, and its bounds.
 
-It computes the value at time 0 in three worlds. In ``NOW`` the episode ended with the last sample.
-In ``LOWER`` and ``UPPER`` it goes on, and every predicate is -inf or +inf at every unseen sample.
-But an unseen sample may not exist: a minimum over the future skips it in ``UPPER``, a maximum in
-``LOWER``, except for the sample of the window's own time, which exists whenever it is read. The
-condition before a witness of ``until`` exists too if the witness does
-(`rtamt.program.instructions.Window`). The program has no negations (`rtamt.program.placement`), so
-every register is monotone in the predicates, and the last two values are the bounds over all
-continuations and all ends.
-
-A trace that was cut (``finish(end="cut")``) has two more worlds. There the unseen samples of
-windows with an end exist, and windows without an end fold the recorded samples. If no sample of
-their operator was recorded, they have the values of ``LOWER`` and ``UPPER``.
+It computes the value at time 0 in the worlds of `rtamt.machines.protocols.World`: after every
+sample as if the episode ended (``NOW``) and as if it went on (``LOWER``, ``UPPER``), and in two
+more when a trace was cut. Where the episode goes on, an unseen sample may not exist: a minimum over
+the future skips it in ``UPPER``, a maximum in ``LOWER``, except for the sample of the window's own
+time, which exists whenever it is read. The condition before a witness of ``until`` exists too if
+the witness does (`rtamt.program.instructions.Window`). The program has no negations
+(`rtamt.program.placement`), so every register is monotone in the predicates, and ``LOWER`` and
+``UPPER`` are the bounds over all continuations and all ends.
 
 Take a register whose value depends on H samples of the future and E samples of the past. After
 sample t it has
@@ -41,11 +37,6 @@ from rtamt.errors import StateError
 from rtamt.inputs.between import UncertainValue
 from rtamt.inputs.samples import SampleReader, SampleValues, ends_of, in_between
 from rtamt.machines.episode.streams import (
-    CUT,
-    NOW,
-    OPEN,
-    UNSEEN,
-    WORLDS,
     Leaf,
     Operands,
     Pointwise,
@@ -54,9 +45,8 @@ from rtamt.machines.episode.streams import (
     Stream,
     UnboundedFuture,
     UnboundedPast,
-    skipping,
 )
-from rtamt.machines.protocols import End
+from rtamt.machines.protocols import OPEN_WORLDS, End, World, worlds_of
 from rtamt.machines.state import Readout, Retiring, StateFields, moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS, FUNCTIONS
@@ -73,7 +63,7 @@ class InitialFold(RunningFold):
         super().__init__(Operands(FOLDS[window.fold], streams))
         self._operands.hold(self._operands.late, 0)
         self._window = window
-        self._skipping = skipping(window)
+        self._ends = [world.ends(window) for world in World]
         self._begin = max(0, window.lo or 0)
         self._end = window.hi
 
@@ -83,17 +73,15 @@ class InitialFold(RunningFold):
         if self._begin <= time and (self._end is None or time <= self._end):
             self.push(time)
 
-    def value_in(self, world: int, t: int) -> float:
+    def value_in(self, world: World, t: int) -> float:
         """Return the fold over settled, open and later values in a world."""
         operands = self._operands
-        if world in CUT and self._window.endless and self._window.begin > t:
-            world = OPEN[world]
-        # In a cut trace, a future without an end reads only recorded times. It starts now:
-        # `rtamt.program.placement` writes a later begin as a shift.
-        recorded = world == NOW or (world in CUT and self._end is None)
-        last = t if recorded else t + operands.past
-        if world in self._skipping:  # time 0 is there
-            recorded, last = True, max(0, t)
+        if world.cut and self._window.endless and self._window.begin > t:
+            world = world.opened
+        # In a cut trace, a future without an end starts now: `rtamt.program.placement` writes a
+        # later begin as a shift.
+        recorded = self._ends[world]
+        last = max(0, t) if recorded else t + operands.past  # time 0 is there
         begin = max(self._begin, t - operands.late + 1)
         end = last if self._end is None else min(last, self._end)
         elements = operands.seen(world, begin, end) if begin <= end else []
@@ -126,7 +114,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
         super().__init__(placement.program, reader)
         self._initial = placement.initial
         # The values of the unknowns in each world.
-        self._unknowns = [[0.0 for _ in placement.unknowns] for _ in UNSEEN]
+        self._unknowns = [[0.0 for _ in placement.unknowns] for _ in World]
         self._streams: dict[int, Stream] = {}
         for register in placement.streams:
             self._streams[register] = self._stream(register, placement.unknowns)
@@ -189,12 +177,12 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self._conclude()
 
     def _conclude(self) -> None:
-        self.robustness, self.lower, self.upper = map(self._at_zero, WORLDS)
+        self.robustness, self.lower, self.upper = map(self._at_zero, OPEN_WORLDS)
 
-    def _at_zero(self, world: int) -> float:
+    def _at_zero(self, world: World) -> float:
         """Return the value at time 0 in a world; nan in ``NOW`` before the first sample."""
         program, t = self.program, self.samples - 1
-        if t < 0 and world == NOW:
+        if t < 0 and world == World.NOW:
             return math.nan
         values: dict[int, float] = {}
         for register in self._initial:
@@ -206,7 +194,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
                 case Map(function, args) if register >= program.terms:
                     values[register] = FUNCTIONS[function].apply(*(values[a] for a in args))
                 case Load() | Map():
-                    values[register] = self._first[register] if t >= 0 else UNSEEN[world]
+                    values[register] = self._first[register] if t >= 0 else world.unseen
                 case _ as never:
                     assert_never(never)
         return values[program.result]
@@ -215,13 +203,11 @@ class PythonEpisodeMachine(PythonSampleMachine):
         if self.samples == 0:
             refuse_finish()
         if not self.finished:
-            if end == "complete":
-                self.lower = self.upper = self.robustness
-            elif end == "cut":
-                for stream in self._streams.values():
-                    stream.look(self.samples - 1, [*OPEN.values(), *CUT])
-                self.lower, self.upper = map(self._at_zero, CUT)
-                self.robustness = moved(self.robustness, self.lower, self.upper)
+            low, high = worlds_of(end)
+            for stream in self._streams.values():
+                stream.look(self.samples - 1, sorted({low.opened, high.opened, low, high}))
+            self.lower, self.upper = self._at_zero(low), self._at_zero(high)
+            self.robustness = moved(self.robustness, self.lower, self.upper)
             self.finished = True
         return self.robustness
 
@@ -352,10 +338,10 @@ class PythonEpisodeVariants(Retiring, StateFields):
 
     def finish(self, end: End = "complete") -> float:
         machines, robustness = self._all, self.robustness
-        cut = end == "cut" and len(machines) > 1 and not self.finished
+        ends = not self.finished
         for machine in machines:
             machine.finish(end)
-        if cut:
+        if ends and len(machines) > 1:
             self._moved = moved(robustness, self.lower, self.upper)
         self._show()
         return self.robustness

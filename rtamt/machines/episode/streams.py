@@ -12,19 +12,13 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import ClassVar
 
+from rtamt.machines.protocols import OPEN_WORLDS, World
 from rtamt.machines.state import StateFields
 from rtamt.machines.windows import slide, suffixes
 from rtamt.program.algebra import FOLDS, FUNCTIONS, Element, LatticeFold
 from rtamt.program.instructions import Window
 
 INF = math.inf
-NOW, LOWER, UPPER = WORLDS = range(3)
-CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
-"""The worlds of a trace that was cut, which are computed when it ends."""
-OPEN = {CUT_LOWER: LOWER, CUT_UPPER: UPPER}
-"""The world with the values of an operator without an end of which nothing was recorded."""
-UNSEEN = (math.nan, -INF, INF, -INF, INF)
-"""The value of a predicate at unseen samples in each world; nothing reads it in ``NOW``."""
 
 Unknowns = list[list[float]]
 """The values of all unknowns in each world, which `Stream.look` updates."""
@@ -61,11 +55,6 @@ def substituted(polynomial: Polynomial, unknown: int, value: Polynomial) -> Poly
     )
 
 
-def skipping(window: Window) -> frozenset[int]:
-    """Return the worlds in which a window skips unseen elements, except at its own time."""
-    return frozenset(world for world in (LOWER, UPPER) if window.skips(best=world == UPPER))
-
-
 class Stream(StateFields):
     """A register that is read at all times.
 
@@ -93,8 +82,8 @@ class Stream(StateFields):
         self.past = past
         self.keep = 1
         self.t = -1
-        self.open: list[list[float]] = [[] for _ in UNSEEN]
-        self.tail = list(UNSEEN)
+        self.open: list[list[float]] = [[] for _ in World]
+        self.tail = [world.unseen for world in World]
 
     def reset(self) -> None:
         self.last = -1
@@ -118,14 +107,14 @@ class Stream(StateFields):
             columns = zip(*(substituted(p, unknown, value) for p in polynomials), strict=True)
             self.history = [list(column) for column in columns]
 
-    def look(self, t: int, worlds: Sequence[int] = WORLDS) -> None:
+    def look(self, t: int, worlds: Sequence[World] = OPEN_WORLDS) -> None:
         """Compute the open values and the tail in some worlds after sample t."""
         self.t, begin = t, self.last + 1
         for world in worlds:
-            end = t if world == NOW else t + self.past
+            end = t if world == World.NOW else t + self.past
             self.open[world], self.tail[world] = self._look(world, begin, end)
 
-    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+    def _look(self, world: World, begin: int, end: int) -> tuple[list[float], float]:
         """Return the values of times begin to end in a world, and the value at all later times."""
         raise NotImplementedError
 
@@ -139,7 +128,7 @@ class Stream(StateFields):
         first = self.last + 1 - len(values)
         return values[begin - first : end - first + 1]
 
-    def seen(self, world: int, begin: int, end: int) -> list[float]:
+    def seen(self, world: World, begin: int, end: int) -> list[float]:
         """Return the values of times begin to end in a world; in ``NOW`` up to the last sample."""
         first = self.last + 1
         values = self.open[world][max(0, begin - first) : max(0, end - first + 1)]
@@ -164,12 +153,12 @@ class Leaf(Stream):
         super().__init__(unknowns, 1, 0, 0)
         self.now = math.nan
         if constant is not None:
-            self.tail = [constant] * len(UNSEEN)
+            self.tail = [constant] * len(World)
 
     def settle(self, time: int) -> Polynomial:  # noqa: ARG002 - it is the present
         return (self.now,)
 
-    def look(self, t: int, worlds: Sequence[int] = WORLDS) -> None:
+    def look(self, t: int, worlds: Sequence[World] = OPEN_WORLDS) -> None:
         """Do nothing: no value is open, and the tail stays."""
 
 
@@ -200,7 +189,7 @@ class Operands:
         numbers = (s.at_corner(corner, begin, end) for s in self.streams)
         return list(zip(*numbers, strict=True))
 
-    def seen(self, world: int, begin: int, end: int) -> list[Element]:
+    def seen(self, world: World, begin: int, end: int) -> list[Element]:
         """Return the elements of times begin to end in a world; identities before time 0."""
         early = min(0, end + 1) - begin
         if early > 0:
@@ -208,9 +197,11 @@ class Operands:
         numbers = [s.seen(world, begin, end) for s in self.streams]
         return list(zip(*numbers, strict=True))
 
-    def tail(self, world: int) -> Element:
+    def tail(self, world: World) -> Element:
         """Return the element of all times after the open ones."""
-        return self.fold.identity if world == NOW else tuple(s.tail[world] for s in self.streams)
+        if world == World.NOW:
+            return self.fold.identity
+        return tuple(s.tail[world] for s in self.streams)
 
 
 class _Fold(Stream):
@@ -243,7 +234,7 @@ class Pointwise(_Fold):
         pairs = self._operands.settled(time, self.corners)
         return tuple(self._choose(x, y) for x, y in pairs)
 
-    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+    def _look(self, world: World, begin: int, end: int) -> tuple[list[float], float]:
         p, q = self._operands.streams
         values: list[float] = []
         if begin <= end:
@@ -273,7 +264,7 @@ class RunningFold(StateFields):
         """The last number of the fold."""
         return tuple(element[-1] for element in self._elements)
 
-    def seen(self, world: int) -> Element:
+    def seen(self, world: World) -> Element:
         """Return the fold in a world."""
         unknowns = self._operands.unknowns[world]
         return tuple(value_of(p, unknowns) for p in zip(*self._elements, strict=True))
@@ -304,7 +295,7 @@ class UnboundedPast(_Fold):
             self._total.push(time + self._hi)
         return self._total.value
 
-    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+    def _look(self, world: World, begin: int, end: int) -> tuple[list[float], float]:
         combine = self._fold.combine
         elements = self._operands.seen(world, begin + self._hi, end + self._hi)
         folds = [*accumulate(elements, combine, initial=self._total.seen(world))]
@@ -323,24 +314,24 @@ class _Window(_Fold):
         self, window: Window, operands: Operands, hi: int, corners: int | None = None
     ) -> None:
         super().__init__(operands, window.lo or 0, hi, corners)
-        self._skipping = skipping(window)
-        # In a cut trace, this number of last recorded times has the values of `OPEN`.
+        self._ends = [world.ends(window) for world in World]
+        # In a cut trace, this number of last recorded times has the values of an open one.
         self._unread: int | None = None
         if window.endless or window.hi is None:
             self._unread = window.begin if window.endless else 0
 
-    def _look(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
-        if world in self._skipping:
+    def _look(self, world: World, begin: int, end: int) -> tuple[list[float], float]:
+        if world.cut and self._unread is not None:
+            first = max(begin, self.t + 1 - self._unread)
+            after, tail = self.open[world.opened][first - begin :], self.tail[world.opened]
+        elif self._ends[world] and world != World.NOW:
             first = max(begin, self.t + 1)
             after, tail = self._alone(world, first, end)
-        elif world in CUT and self._unread is not None:
-            first = max(begin, self.t + 1 - self._unread)
-            after, tail = self.open[OPEN[world]][first - begin :], self.tail[OPEN[world]]
         else:
             first, after, tail = end + 1, [], self._operands.tail(world)[-1]
         return self._folds(world, begin, first - 1) + after, tail
 
-    def _alone(self, world: int, begin: int, end: int) -> tuple[list[float], float]:
+    def _alone(self, world: World, begin: int, end: int) -> tuple[list[float], float]:
         """Return the values of unseen times and the tail where unseen elements are skipped."""
         if self._lo == 0:
             operand = self._operands.streams[-1]
@@ -348,7 +339,7 @@ class _Window(_Fold):
         nothing = self._fold.identity[-1]
         return [nothing] * (end - begin + 1), nothing
 
-    def _folds(self, world: int, begin: int, end: int) -> list[float]:
+    def _folds(self, world: World, begin: int, end: int) -> list[float]:
         """Return the folds of times begin to end."""
         raise NotImplementedError
 
@@ -365,14 +356,13 @@ class Sliding(_Window):
         corners = (operands.at_corner(c, begin, end) for c in range(self.corners))
         return tuple(functools.reduce(fold.combine, x, fold.identity)[-1] for x in corners)
 
-    def _folds(self, world: int, begin: int, end: int) -> list[float]:
+    def _folds(self, world: World, begin: int, end: int) -> list[float]:
         if begin > end:
             return []
         operands = self._operands
-        ends = world == NOW or world in self._skipping  # with the last sample
-        last = min(end + self._hi, self.t if ends else self.t + operands.past)
+        last = min(end + self._hi, self.t if self._ends[world] else self.t + operands.past)
         elements = operands.seen(world, begin + self._lo, last)
-        remainder = self._fold.identity if ends else operands.tail(world)
+        remainder = self._fold.identity if self._ends[world] else operands.tail(world)
         return slide(self._fold, elements, remainder, self._hi - self._lo + 1, end - begin + 1)
 
 
@@ -395,9 +385,8 @@ class UnboundedFuture(_Window):
             for corner, element in enumerate(newest)
         )
 
-    def _folds(self, world: int, begin: int, end: int) -> list[float]:
-        ends = world in CUT or world in self._skipping  # with the last sample
-        remainder = self._fold.identity if ends else self._operands.tail(world)
+    def _folds(self, world: World, begin: int, end: int) -> list[float]:
+        remainder = self._fold.identity if self._ends[world] else self._operands.tail(world)
         folds = suffixes(self._fold, self._operands.seen(world, begin, end), remainder)
         self.unknowns[world][self.unknown] = folds[0][-1]
         return [fold[-1] for fold in folds[:-1]]

@@ -63,6 +63,12 @@ public:
         for (const Load& load : program_.loads_) point(load.out, columns[load.variable] + from);
         return terms(first_unread(columns, from, count));
     }
+    // The same with copies of the variables, so that all registers stand side by side.
+    std::size_t copied_terms(const double* const* columns, std::size_t from, std::size_t count) {
+        for (const Load& load : program_.loads_)
+            std::copy_n(columns[load.variable] + from, count, out(load.out));
+        return terms(first_unread(columns, from, count));
+    }
     // The index of the first nan of a variable that no term reads, or count.
     std::size_t first_unread(const double* const* columns, std::size_t from,
                              std::size_t count) const {

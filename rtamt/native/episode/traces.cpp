@@ -11,7 +11,7 @@
 
 #include "core/columns.hpp"
 #include "core/order.hpp"
-#include "dense/terms.hpp"
+#include "discrete/columns.hpp"
 
 namespace rtamt {
 
@@ -53,17 +53,17 @@ void in_threads(std::size_t n, std::size_t threads, MakeWorker make_worker) {
 namespace rtamt::episode {
 namespace {
 
-// Judges traces one after the other, with the terms of a whole trace at once.
+// Judges traces one after the other, with the terms of many samples at once.
 class Judge {
 public:
     Judge(const Program& program, const Traces& traces, End end, const Outcomes& outcomes)
-        : terms_(program.terms, program.variables),
+        : program_(std::make_unique<DiscreteMachine>(program.terms, program.variables)),
+          terms_(std::make_unique<RegisterColumns>(*program_, kBlock)),
           traces_(traces),
           end_(end),
           outcomes_(outcomes),
           columns_(program.variables),
           inputs_(program.variables),
-          out_(terms_.size()),
           machine_(std::make_unique<EpisodeMachine>(program)) {}
 
     void operator()(std::size_t trace) {
@@ -83,29 +83,30 @@ private:
     bool take(std::size_t trace, std::int64_t& decided) {
         machine_->reset();
         const auto n = static_cast<std::size_t>(traces_.lengths[trace]);
-        for (std::size_t v = 0; v < columns_.size(); ++v) {
+        for (std::size_t v = 0; v < columns_.size(); ++v)
             columns_[v] = traces_.columns[v] + traces_.begins[trace];
-            if (columns::first_nan(columns_[v], n) < n) return false;
-        }
-        values_.resize(std::max(values_.size(), n * out_.size()));
-        for (std::size_t i = 0; i < out_.size(); ++i) out_[i] = values_.data() + i * n;
-        if (terms_.compute(columns_.data(), out_.data(), n) < n) return false;
-        for (std::size_t i = 0; i < n; ++i) {
-            // No one asks for the inputs of the last sample.
-            machine_->take(inputs_.data(), values_.data() + i, n);
-            if (decided < 0 && machine_->verdict() != 0) decided = static_cast<std::int64_t>(i);
+        for (std::size_t from = 0; from < n; from += kBlock) {
+            const std::size_t count = std::min(kBlock, n - from);
+            if (terms_->copied_terms(columns_.data(), from, count) < count) return false;
+            for (std::size_t i = 0; i < count; ++i) {
+                // No one asks for the inputs of the last sample.
+                machine_->take(inputs_.data(), terms_->at(0) + i, kBlock);
+                if (decided < 0 && machine_->verdict() != 0)
+                    decided = static_cast<std::int64_t>(from + i);
+            }
         }
         return n > 0;
     }
 
-    dense::TermColumns terms_;
+    static constexpr std::size_t kBlock = 512;  // samples that stay in the cache
+
+    std::unique_ptr<DiscreteMachine> program_;
+    std::unique_ptr<RegisterColumns> terms_;
     const Traces& traces_;
     End end_;
     const Outcomes& outcomes_;
     std::vector<const double*> columns_;
     std::vector<double> inputs_;
-    std::vector<double*> out_;
-    std::vector<double> values_;
     std::unique_ptr<EpisodeMachine> machine_;
 };
 

@@ -1,4 +1,4 @@
-// Functions of Python on whole columns: terms, their ranges, folds of pairs, and judgements of many
+// Functions of Python on whole columns: ranges of terms, folds of pairs, and judgements of many
 // traces.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "dense/terms.hpp"
 #include "discrete/machine.hpp"
 #include "episode/traces.hpp"
 #include "python/arrays.hpp"
@@ -17,15 +16,6 @@
 
 namespace rtamt {
 namespace {
-
-nb::tuple term_columns(const nb::sequence& rows, const nb::sequence& columns) {
-    const std::size_t variables = nb::len(columns);
-    const dense::TermColumns terms(discrete_rows(rows), variables);
-    const std::size_t n = variables == 0 ? 0 : nb::len(nb::object(columns[0]));
-    const Arrays arrays(variables, terms.size(), columns, n);
-    const std::size_t fine = terms.compute(arrays.sources(), arrays.targets(), n);
-    return nb::make_tuple(arrays.made(), fine);
-}
 
 nb::tuple term_ranges(const nb::sequence& rows, std::size_t variables, const nb::sequence& observed,
                       const nb::object& reader, const nb::sequence& lower,
@@ -209,9 +199,6 @@ nb::tuple count_failures(const nb::sequence& rows, std::size_t terms, std::size_
 }  // namespace
 
 void bind_columns(nb::module_& m) {
-    m.def("term_columns", term_columns, "rows"_a, "columns"_a,
-          "Return a column for each term from one for each variable, and the number of samples\n"
-          "before the first at which a term is nan; see rtamt.machines.terms.term_columns.");
     m.def("term_ranges", term_ranges, "rows"_a, "variables"_a, "observed"_a, "reader"_a, "lower"_a,
           "upper"_a, "n"_a,
           "Return the least and the greatest values of observed terms at n samples, as\n"

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from typing import cast
+from typing import cast, get_args
 
 import pytest
 from hypothesis import given
@@ -12,7 +12,7 @@ from strategies import Trace, formulas, length, traces
 import rtamt
 from rtamt import Formula, holds, judge, parse
 from rtamt.checking.answers import ExampleTrace
-from rtamt.checking.encoding import World, change_times, truth, truth_of_runs
+from rtamt.checking.encoding import change_times, truth, truth_of_runs
 from rtamt.checking.graph import (
     FALSE,
     TRUE,
@@ -26,18 +26,12 @@ from rtamt.checking.graph import (
 from rtamt.checking.search import Goal, KnownTrace, TracePool, reaches
 from rtamt.checking.simplify import Plainness, simplified
 from rtamt.language.specification import Specification
-from rtamt.machines.protocols import End
+from rtamt.machines.protocols import End, World, worlds_of
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.lowering import compile_program
 
-ENDS: dict[End, tuple[World, World]] = {
-    "complete": (World.COMPLETE, World.COMPLETE),
-    "cut": (World.CUT_LOWER, World.CUT_UPPER),
-    "open": (World.LOWER, World.UPPER),
-}
 
-
-def actual(formula: Formula, trace: Trace, world: World, loop: int = 1) -> bool:
+def actual(formula: Formula, trace: Trace, world: World, loop: int = 0) -> bool:
     program = compile_program(Specification.of(formula))
     samples, n = known_samples(trace), length(trace)
     answer = truth(Graph(), samples, program, n, world, loop)
@@ -47,7 +41,8 @@ def actual(formula: Formula, trace: Trace, world: World, loop: int = 1) -> bool:
 
 @given(formula=formulas(depth=3, endless=True), trace=traces(most=6))
 def test_truths_are_the_signs_of_the_bounds(formula: Formula, trace: Trace) -> None:
-    for end, (lower, upper) in ENDS.items():
+    for end in get_args(End):
+        lower, upper = worlds_of(end)
         judged = judge(formula, trace, end=end, n=length(trace))
         assert actual(formula, trace, lower) == holds(judged.lower), end
         assert actual(formula, trace, upper) == holds(judged.upper), end
@@ -62,18 +57,18 @@ def test_repeating_trace_matches_a_long_trace(
     # The windows of these formulas reach at most 6 samples and are nested four deep.
     longer = {name: v + v[n - loop :] * (40 // loop + 1) for name, v in trace.items()}
     judged = judge(formula, longer, end="complete", n=length(longer))
-    assert actual(formula, trace, World.ENDLESS, loop) == holds(judged.robustness)
+    assert actual(formula, trace, World.NOW, loop) == holds(judged.robustness)
 
 
 def test_endless_and_complete_traces_differ() -> None:
     trace = {"a": [1.0, -1.0]}
     both = parse("always(eventually[1:2](a > 0) and eventually[1:2](a < 0))").formula
-    assert actual(both, trace, World.ENDLESS, 2)
-    assert not actual(both, trace, World.ENDLESS, 1)
-    assert not actual(both, trace, World.COMPLETE)
+    assert actual(both, trace, World.NOW, 2)
+    assert not actual(both, trace, World.NOW, 1)
+    assert not actual(both, trace, World.NOW)
     again = parse("always(eventually(a > 0)) and not eventually(always(a < 0))").formula
-    assert actual(again, trace, World.ENDLESS, 2)
-    assert not actual(again, trace, World.ENDLESS, 1)
+    assert actual(again, trace, World.NOW, 2)
+    assert not actual(again, trace, World.NOW, 1)
 
 
 def test_unbounded_folds_match_a_longer_trace() -> None:
@@ -88,13 +83,13 @@ def test_unbounded_folds_match_a_longer_trace() -> None:
         formula = parse(text).formula
         for negated in (formula, ~formula):
             judged = judge(negated, longer, end="complete")
-            assert actual(negated, trace, World.ENDLESS, 2) == holds(judged.robustness), text
+            assert actual(negated, trace, World.NOW, 2) == holds(judged.robustness), text
 
 
 def test_nan_terms_are_unknown_on_known_traces() -> None:
     graph = Graph()
     program = compile_program(parse("sqrt(x) > 2"))
-    goal = truth(graph, unknown_samples(graph), program, 1, World.COMPLETE)
+    goal = truth(graph, unknown_samples(graph), program, 1, World.NOW)
     for value, above, below in ((9.0, True, False), (1.0, False, True), (-1.0, False, False)):
         known = KnownTrace(graph, {"x": (value,)}, lambda _: 0.0)
         assert known.fulfils([goal]) is above
@@ -125,7 +120,7 @@ def test_trace_with_nan_term_reaches_no_goal() -> None:
 def test_simplified_trace_keeps_truths() -> None:
     graph = Graph()
     spec = parse("sqrt(x) < 2")
-    goal = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.ENDLESS, loop=1)
+    goal = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.NOW, loop=1)
     plainness = Plainness([spec.formula], frozenset(), {})
     assert -2.0 in plainness.of("x")  # at which sqrt(x) is no number
     trace = ExampleTrace({"x": (3.25, 3.25)}, 2, 1)
@@ -137,7 +132,7 @@ def test_long_traces_are_simplified() -> None:
     graph = Graph()
     spec = parse("always[0:38](x > 3 iff next(x <= 3))")
     program = compile_program(spec)
-    goal = truth(graph, unknown_samples(graph), program, 40, World.COMPLETE)
+    goal = truth(graph, unknown_samples(graph), program, 40, World.NOW)
     before = ExampleTrace({"x": (7.625, -2.375) * 20}, 40, 0)
     actual = simplified(before, graph, [goal], Plainness([spec.formula], frozenset(), {}))
     assert judge(spec, actual.columns).robustness > 0
@@ -157,7 +152,7 @@ def test_truths_of_runs_are_those_of_all_samples(formula: Formula, data: st.Data
         columns[name] = [value for value, n in zip(runs, lengths, strict=True) for _ in range(n)]
     program = compile_program(Specification.of(formula))
     actual = truth_of_runs(Graph(), known_samples(columns), program, times)
-    expected = truth(Graph(), known_samples(columns), program, sum(lengths), World.ENDLESS, loop=1)
+    expected = truth(Graph(), known_samples(columns), program, sum(lengths), World.NOW, loop=1)
     assert actual in {TRUE, FALSE}
     assert actual == expected
 

@@ -26,33 +26,18 @@ ENDLESS = ("WINDOW", "min", 0, 0, 0, None, False, False)
 # Rows. -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("rows", "row"),
-    [
-        ([(0, "LOAD", "x", 1, 0, 0.0, 0, 0)], 0),
-        ([LOAD, (1, "MAP", "add", 1, 0, 0.0, 0, 0)], 1),
-        ([LOAD, (1, "MAP", "add", 0, 1, 0.0, 0, 0)], 1),
-        ([LOAD, (1, "MAP", "sum", 0, 0, 0.0, 0, 0)], 1),
-        ([LOAD, (1, "WINDOW", "min", 0, 0, 0.0, 0, 0)], 1),
-        ([(1, *LOAD[1:])], 0),
-    ],
-)
-def test_rows_that_are_no_terms_are_not_computed(rows: list[Any], row: int) -> None:
-    with pytest.raises(ValueError, match=f"^row {row} is no term$"):
-        native.term_columns(rows, [np.ones(2)])
-
-
-def test_terms_are_computed_up_to_the_first_that_is_nan() -> None:
-    rows = [LOAD, (1, "CONST", "", 0, 0, 2.5, 0, 0), (2, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
-    x = np.ones(1500)
-    (_, two, root), fine = native.term_columns(rows, [x])
-    assert (fine, set(two), set(root)) == (1500, {2.5}, {1.0})
-    for at in (0, 511, 512, 1499):
-        x[:] = 1.0
-        x[at:] = -1.0
-        assert native.term_columns(rows, [x])[1] == at
-    columns, fine = native.term_columns([(0, *rows[1][1:])], [])
-    assert (len(columns), fine) == (1, 0)
+@pytest.mark.parametrize("at", [0, 511, 512, 1499])
+@pytest.mark.parametrize(("column", "value"), [(0, -1.0), (0, math.nan), (1, math.nan)])
+def test_traces_with_a_nan_are_refused(column: int, value: float, at: int) -> None:
+    rows = [LOAD, (1, "MAP", "sqrt", 0, 0, 0.0, 0, 0)]
+    window = ("WINDOW", "min", 1, 1, 0, None, False, False)
+    columns = [np.ones(3000), np.ones(3000)]
+    columns[column][at] = value
+    spans = np.array([0, 1500]), np.array([1500, 1500])
+    *_, refused = native.judge_traces(
+        *(rows, [window], [2], [1], 2, columns, *spans, "complete", 2)
+    )
+    assert refused.tolist() == [True, False]
 
 
 def test_ranges_are_found_of_terms() -> None:
