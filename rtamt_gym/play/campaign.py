@@ -30,7 +30,7 @@ from rtamt_gym.play.folder import Folder, digest
 from rtamt_gym.play.loop import Task
 from rtamt_gym.play.offline_runner import OfflineRunner
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run_record import SimulatedTrace
+from rtamt_gym.play.run import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.workers import Making, Setup, end_processes, run_chunk
 from rtamt_gym.recorded.progress import progress as shown_progress

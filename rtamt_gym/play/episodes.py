@@ -28,10 +28,10 @@ from rtamt_gym.options.evaluation import (
     seconds_of,
 )
 from rtamt_gym.play.loop import PlayBatch, Played, SideBySide, Task, play
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.run import Run, Stop
 from rtamt_gym.play.runner import CaseLike, Requirements, Runner, load_requirements
-from rtamt_gym.play.simulation import Simulation, Simulator
+from rtamt_gym.play.simulate import Simulator
+from rtamt_gym.play.simulation import Simulation
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.periods import ask_another, read_period, warn_of_unverified_period
 from rtamt_gym.signals.signals import own_signals, parse_signals
@@ -132,8 +132,7 @@ class Episodes(Runner):
             return self._begin(task.case, task.seed, above, None, policy, simulator, light=True)
 
         batch = SideBySide(size, begin, model, self.system.observation_space)
-        one_by_one = self._one_by_one(above, light=True)
-        yield from self._played(batch, tasks, lambda task: play(one_by_one, [task]))
+        yield from self._played(batch, tasks, above, light=True)
 
     def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
         """Return the simulator of an environment, made once for all its episodes."""
@@ -344,12 +343,11 @@ class VectorEpisodes(Runner):
     ) -> Iterator[Played]:
         light = not keeps
         batch = self._batch(self._simulators, self._of_runs["stop"], above, light=light)
-        yield from self._played(batch, tasks, lambda task: self._alone(task, above, light=light))
+        yield from self._played(batch, tasks, above, light=light)
 
     def _alone(
         self, task: Task, above: Mapping[str, float] | None, *, light: bool
     ) -> Iterator[Played]:
-        """Play one task while the other environments are idle."""
         batch = self._batch(self._simulators, self._of_runs["stop"], above, light=light)
         with no_exit(self.name):
             played = list(play(batch, [task]))

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from gymnasium import spaces
 
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.run_record import SimulatedTrace
+from rtamt_gym.play.run import SimulatedTrace
 from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.policies import Model
@@ -103,7 +103,8 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
     running: dict[int, tuple[Task, PlayEpisode]] = {}
     try:
         while todo or running:
-            while todo and (starting := _starting(todo, batch.free(running))):
+            while todo and (places := batch.free(running)):
+                starting = {position: todo.popleft() for position in places[: len(todo)]}
                 batch.start(starting)
                 for position, task in starting.items():
                     since = time.perf_counter()
@@ -123,11 +124,6 @@ def play(batch: PlayBatch, tasks: Iterable[Task]) -> Iterator[Played]:
         for _, episode in running.values():
             episode.leave()
         batch.close()
-
-
-def _starting(todo: deque[Task], places: Sequence[int]) -> dict[int, Task]:
-    """Take a task for each place, as far as there are any."""
-    return {position: todo.popleft() for position in places[: len(todo)]}
 
 
 def _advanced(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, cast
 
 import gymnasium as gym
 import numpy as np
@@ -20,15 +20,9 @@ from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.judge import Judging, TriggerCounter
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
-from rtamt_gym.play.loop import PlayBatch, Played, Task, play
-from rtamt_gym.play.run_record import (
-    AT_VERDICTS,
-    AT_VIOLATION,
-    KNOWN_EVERY,
-    Floats,
-    SimulatedTrace,
-    Stop,
-)
+from rtamt_gym.play.loop import PlayBatch, Task
+from rtamt_gym.play.run import Floats, SimulatedTrace, Stop
+from rtamt_gym.play.simulation import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.signals.periods import read_period
@@ -129,16 +123,6 @@ class NativeRollouts:
                 return None
         return {0: "baseline", len(self._actions): "driven"}.get(acted)
 
-    def batch(
-        self, tasks: Sequence[Task], above: Mapping[str, float] | None, *, keeps: bool
-    ) -> NativeBatch:
-        """Return a batch for tasks of one kind, at most ``size``."""
-        return NativeBatch(self, len(tasks), above or {}, keeps=keeps)
-
-    def whole(self, tasks: Sequence[Task]) -> Iterator[Played]:
-        """Play tasks of one kind to their end without monitors: trials without outcomes."""
-        return play(NativeBatch(self, len(tasks), None, keeps=True), tasks)
-
     def close(self) -> None:
         """Close the vector environment."""
         if self._env is not None:
@@ -183,8 +167,56 @@ class NativeRollouts:
         return actions
 
 
+class NativeRun:
+    """The run of one place, a `PlayEpisode`; its batch plays it.
+
+    Attributes:
+        wall: Seconds that it took so far.
+        last: The last sample of a run that is over.
+    """
+
+    def __init__(self, batch: NativeBatch, place: int, seed: int | None) -> None:
+        self._batch, self._place, self._seed = batch, place, seed
+        self._ended: RunEnd | None = None
+        self._outcomes: Mapping[str, Outcome] = {}
+        self.wall, self.last = 0.0, 0
+
+    @property
+    def trace(self) -> SimulatedTrace | None:
+        return self._batch.trace(self._place, self.last)
+
+    def end(self, why: RunEnd, last: int, outcomes: Mapping[str, Outcome]) -> None:
+        """Store the end of the run."""
+        self._ended, self.last, self._outcomes = why, last, outcomes
+
+    def step(self) -> bool:
+        return self._ended is not None
+
+    def trial(self, case: Case, error: str = "") -> Trial:  # noqa: ARG002
+        assert self._ended is not None  # noqa: S101 - for mypy
+        simulated = float(self.last * (self._batch.period or 1))
+        return Trial(
+            case, self._seed, self._outcomes, self._ended, simulated, self.wall, reward=_REWARD
+        )
+
+    def leave(self) -> None:
+        """Do nothing: the next reset ends the episode."""
+
+
 class NativeBatch(PlayBatch):
-    """The runs of one reset; all places step together."""
+    """The runs of one reset, of cases of one kind; all places step together.
+
+    Attributes:
+        period: Seconds between samples, after the start; None if bounds count samples.
+
+    Args:
+        rollouts: The environment and the judge of the runs.
+        count: The number of runs, at most the size of the rollouts.
+        above: As for `rtamt_gym.simulate`; None: without monitors, so that trials have no outcomes.
+        keeps: Whether to keep the samples.
+    """
+
+    period: Fraction | None
 
     def __init__(
         self,
@@ -195,31 +227,30 @@ class NativeBatch(PlayBatch):
         keeps: bool,
     ) -> None:
         self.size = count
-        self._rollouts, self._above = rollouts, above
+        self._rollouts, self._above, self._keeps = rollouts, above, keeps
         self._kept: list[Floats] | None = [] if keeps or rollouts.trigger_counter else None
-        self._traces = keeps
         self._at_end = rollouts.judging.reading.at_truncation
         self._samples = 0
-        self._begun = False
-        self._results: dict[int, _Result] = {}
+        self._runs: list[NativeRun] = []
 
     def free(self, running: Collection[int]) -> Sequence[int]:
-        return [] if self._begun or running else range(self.size)
+        return [] if self._runs or running else range(self.size)
 
     def start(self, tasks: Mapping[int, Task]) -> None:
-        since, self._begun = time.perf_counter(), True
+        since = time.perf_counter()
         listed = [*tasks.values()]
+        self._runs = [NativeRun(self, place, task.seed) for place, task in tasks.items()]
         self._env, self._monitor_set = self._rollouts.opened(self.size)
+        self.period = self._monitor_set.period
         self._all = np.arange(self._env.num_envs)
         self._active = self._all < self.size
-        self._wall = np.zeros(len(self._all))
         self._monitor_set.reset()
         first = self._rollouts.reset(self._env, listed)[None]
-        self._actions = self._rollouts.driven(listed, len(self._all), self._monitor_set.period)
+        self._actions = self._rollouts.driven(listed, len(self._all), self.period)
         self._take(first, since)
 
-    def begin(self, place: int, task: Task) -> _Place:
-        return _Place(self, place, task)
+    def begin(self, place: int, task: Task) -> NativeRun:  # noqa: ARG002
+        return self._runs[place]
 
     def step(self, running: Sequence[int]) -> float:  # noqa: ARG002
         since = time.perf_counter()
@@ -231,17 +262,9 @@ class NativeBatch(PlayBatch):
         self._take(simulation.rollout(due, self._active), since)
         return 0.0
 
-    def result(self, place: int) -> _Result | None:
-        """Return the result of a finished run, or None."""
-        return self._results.get(place)
-
-    def trace(self, place: int) -> SimulatedTrace | None:
+    def trace(self, place: int, last: int) -> SimulatedTrace | None:
         """Return the samples of a run that is over, if they are needed."""
-        if not self._traces:
-            return None
-        return SimulatedTrace(
-            self._signals(place, self._results[place].last), self._monitor_set.period
-        )
+        return SimulatedTrace(self._signals(place, last), self.period) if self._keeps else None
 
     def _signals(self, place: int, last: int) -> dict[str, Floats]:
         if not self._kept:
@@ -257,17 +280,20 @@ class NativeBatch(PlayBatch):
         tables = np.ascontiguousarray(observations.transpose(0, 2, 1)[:, elements])
         if self._kept is not None:
             self._kept.append(tables)
-        running = self._active.copy()
+        running = self._active.nonzero()[0].tolist()
         ends: dict[int, tuple[RunEnd, int]] = {}
-        if self._above is None:
+        if self._above is not None:
+            self._judge(tables, ends)
+        else:
             self._samples += len(tables)
             if self._samples > self._rollouts.steps:
-                self._over(running, self._rollouts.end, ends)
-        else:
-            self._judge(tables, ends)
-        self._wall[running] += (time.perf_counter() - since) / np.count_nonzero(running)
-        for position, result in self._outcomes(ends):
-            self._results[position] = result
+                ends = dict.fromkeys(running, (self._rollouts.end, self._rollouts.steps))
+        wall = (time.perf_counter() - since) / len(running)
+        for place in running:
+            self._runs[place].wall += wall
+        outcomes = self._outcomes(ends) if ends and self._above is not None else {}
+        for place, (why, last) in ends.items():
+            self._runs[place].end(why, last, outcomes.get(place, {}))
 
     def _judge(self, tables: Floats, ends: dict[int, tuple[RunEnd, int]]) -> None:
         """Feed samples to the monitors, and collect the runs that are over."""
@@ -303,16 +329,12 @@ class NativeBatch(PlayBatch):
     ) -> None:
         chosen = (places & self._active).nonzero()[0]
         self._active[chosen] = False
-        last = self._samples if self._above is not None else self._rollouts.steps
-        ends.update(dict.fromkeys(chosen.tolist(), (why, last)))
+        ends.update(dict.fromkeys(chosen.tolist(), (why, self._samples)))
 
-    def _outcomes(self, ends: Mapping[int, tuple[RunEnd, int]]) -> Iterator[tuple[int, _Result]]:
-        """Yield the results of runs that are over."""
-        if not ends or self._above is None:
-            for position, (why, last) in ends.items():
-                yield position, _Result(why, last, {})
-            return
+    def _outcomes(self, ends: Mapping[int, tuple[RunEnd, int]]) -> dict[int, dict[str, Outcome]]:
+        """Return the outcomes of runs that are over, by their places."""
         monitor_set, places = self._monitor_set, sorted(ends)
+        counter, progress = self._rollouts.trigger_counter, monitor_set.progress
         columns: dict[str, list[NDArray[Any]]] = {
             name: [judge.robustness, judge.lower, judge.upper, judge.verdict]
             for name, (_, judge) in monitor_set.monitors.items()
@@ -321,69 +343,29 @@ class NativeBatch(PlayBatch):
             name: (columns_of["decided_at"], columns_of["ended_at"])
             for name, columns_of in monitor_set.outcomes(np.array(places)).by_name().items()
         }
-        progress = monitor_set.progress
-        for row, position in enumerate(places):
-            why, last = ends[position]
-            verdicts = {
-                name: Verdict(values[-1][position].item()) for name, values in columns.items()
-            }
+        outcomes: dict[int, dict[str, Outcome]] = {}
+        for row, place in enumerate(places):
+            why, last = ends[place]
+            verdicts = {name: Verdict(values[-1][place].item()) for name, values in columns.items()}
             end = None if why in STOPPED else self._at_end
-            trigger_counter = self._rollouts.trigger_counter
-            samples = self._signals(position, last) if trigger_counter else {}
-            evidence = trigger_counter.evidence(samples, last + 1, end, verdicts)
-            outcomes = {}
+            samples = self._signals(place, last) if counter else {}
+            evidence = counter.evidence(samples, last + 1, end, verdicts)
+            outcomes[place] = {}
             for name, (*bounds, _) in columns.items():
                 decided, ended = (
                     moment.value[row].item() if moment.there[row] else None
                     for moment in moments[name]
                 )
-                outcomes[name] = Outcome.at(
-                    [values[position].item() for values in bounds],
+                outcomes[place][name] = Outcome.at(
+                    [values[place].item() for values in bounds],
                     verdicts[name],
                     decided,
-                    monitor_set.period,
+                    self.period,
                     evidence[name],
-                    progress[name][position].item() if name in progress else None,
+                    progress[name][place].item() if name in progress else None,
                     ended=ended,
                 )
-            yield position, _Result(why, last, outcomes)
-
-    def made(self, place: int, task: Task) -> Trial:
-        """Return the trial of a run that is over."""
-        why, last, outcomes = self._results[place]
-        simulated = float(last * (self._monitor_set.period or 1))
-        wall = float(self._wall[place])
-        return Trial(task.case, task.seed, outcomes, why, simulated, wall, reward=_REWARD)
-
-
-class _Result(NamedTuple):
-    """Why a run is over, its last sample, and its outcomes."""
-
-    why: RunEnd
-    last: int
-    outcomes: Mapping[str, Outcome]
-
-
-class _Place:
-    """The run of one place, a `PlayEpisode`; the batch plays it."""
-
-    wall = 0.0
-
-    def __init__(self, batch: NativeBatch, place: int, task: Task) -> None:
-        self._batch, self._place, self._task = batch, place, task
-
-    @property
-    def trace(self) -> SimulatedTrace | None:
-        return self._batch.trace(self._place)
-
-    def step(self) -> bool:
-        return self._batch.result(self._place) is not None
-
-    def trial(self, case: Case, error: str = "") -> Trial:  # noqa: ARG002
-        return self._batch.made(self._place, self._task)
-
-    def leave(self) -> None:
-        """Do nothing: the next reset ends the episode."""
+        return outcomes
 
 
 def _range(entry: float | Waveform) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt.patterns import stages
 from rtamt_gym.judging.judge import TriggerCounter
-from rtamt_gym.play.run_record import SimulatedTrace, Stop
+from rtamt_gym.play.run import SimulatedTrace, Stop
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import Trial

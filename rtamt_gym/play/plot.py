@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rtamt_gym import drawing
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.play.run_record import History, RunRecord
+from rtamt_gym.play.run import History, Run
 from rtamt_gym.results.outcome import verdict_text
 
 _CURVES: Final[Mapping[View, str]] = {
@@ -27,7 +27,7 @@ _AFTER = 0.2
 """Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
 
 
-def draw(runs: Sequence[RunRecord]) -> Figure:
+def draw(runs: Sequence[Run]) -> Figure:
     """Draw runs side by side: the signals, and below them a panel for every specification.
 
     A panel shows the robustness of the samples so far, between its lower and upper bound; infinite
@@ -60,7 +60,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
     return figure
 
 
-def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
+def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
     times = run.times
     last = any(c.decided_at == run.last_sample for c in run.histories.values())
     begin, end = float(times[0]), float(times[-1])
@@ -93,7 +93,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     )
 
 
-def _draw_history(ax: Axes, name: str, history: History, run: RunRecord, end: float) -> None:
+def _draw_history(ax: Axes, name: str, history: History, run: Run, end: float) -> None:
     times = run.times
     curves = (history.robustness, history.lower, history.upper)
     robustness, lower, upper = drawing.robustness_panel(ax, name, history.formula, 64, curves)

@@ -35,10 +35,10 @@ from rtamt_gym.options.evaluation import (
     seconds_of,
 )
 from rtamt_gym.play.loop import OneByOne, PlayBatch, Played, Task, play
-from rtamt_gym.play.native import NativeRollouts
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_record import SimulatedTrace, Stop
-from rtamt_gym.play.simulation import Simulation, Simulator, failed
+from rtamt_gym.play.native import NativeBatch, NativeRollouts
+from rtamt_gym.play.run import Run, SimulatedTrace, Stop
+from rtamt_gym.play.simulate import Simulator
+from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.provenance import Fingerprint
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.signals import SignalLike
@@ -264,10 +264,11 @@ class Runner:
             InputError: As `run` does.
         """
         for group, rollouts in self._groups(self._tasks(cases, seeds)):
+            batch = self._one_by_one(None, stop="end")
+            if rollouts is not None:
+                batch = NativeBatch(rollouts, len(group), None, keeps=True)
             with suppress(Exception):  # `run` reports it in the rows of the cases
-                batch = self._one_by_one(None, stop="end")
-                results = play(batch, group) if rollouts is None else rollouts.whole(group)
-                for task, trial, episode in results:
+                for task, trial, episode in play(batch, group):
                     if not trial.error and episode is not None and episode.trace is not None:
                         yield task.number, replace(trial, outcomes={}), episode.trace
 
@@ -371,21 +372,21 @@ class Runner:
         if tasks:
             self.check(tasks[0].case)
         for group, rollouts in self._groups(tasks):
-            one_by_one = self._one_by_one(above, light=not keeps)
             if rollouts is None:
-                yield from play(one_by_one, group)
+                yield from play(self._one_by_one(above, light=not keeps), group)
             else:
-                batch = rollouts.batch(group, above, keeps=keeps)
-                yield from self._played(
-                    batch,
-                    group,
-                    lambda task: play(one_by_one, [task]),  # noqa: B023 - called in this turn
-                    warns=True,
-                )
+                batch = NativeBatch(rollouts, len(group), above or {}, keeps=keeps)
+                yield from self._played(batch, group, above, light=not keeps, warns=True)
+
+    def _alone(
+        self, task: Task, above: Mapping[str, float] | None, *, light: bool
+    ) -> Iterator[Played]:
+        """Play one task while no other task runs."""
+        return play(self._one_by_one(above, light=light), [task])
 
     def _one_by_one(
         self, above: Mapping[str, float] | None, stop: Stop | None = None, *, light: bool = False
-    ) -> OneByOne:
+    ) -> PlayBatch:
         return OneByOne(lambda task: self._begin(task.case, task.seed, above, stop, light=light))
 
     def _groups(
@@ -412,11 +413,12 @@ class Runner:
         self,
         batch: PlayBatch,
         tasks: Sequence[Task],
-        play_single: Callable[[Task], Iterable[Played]],
+        above: Mapping[str, float] | None,
         *,
+        light: bool,
         warns: bool = False,
     ) -> Iterator[Played]:
-        """Play tasks in a batch; after an error of the batch, play the remaining tasks singly."""
+        """Play tasks in a batch; after an error of the batch, play the remaining tasks alone."""
         left = {task.number: task for task in tasks}
         try:
             for played in play(batch, tasks):
@@ -426,7 +428,7 @@ class Runner:
             known = False
             for task in left.values():
                 try:
-                    (again,) = play_single(task)
+                    (again,) = self._alone(task, above, light=light)
                 except Exception as own:  # noqa: BLE001
                     again = Played(task, failed(own, task.case, task.seed, 0.0), None)
                 known = known or bool(again.trial.error)

@@ -1,227 +1,252 @@
-"""`Simulator` prepares a system for runs under monitors; `Simulation` is a run."""
+"""`Simulation`: one run of a system under specifications, and the recorder of its samples."""
 
 from __future__ import annotations
 
-import copy
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
+from itertools import pairwise
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, cast
 
-import gymnasium as gym
+import numpy as np
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt.errors import Argument
 from rtamt.monitors import Evidence, TriggerCount
-from rtamt.typing import End
-from rtamt_gym.checks.arguments import check_choice, check_known
-from rtamt_gym.checks.numbers import exact
-from rtamt_gym.inputs.case import Case, Waveform
+from rtamt.typing import End, NanPolicy
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.end_warnings import assumed, warn_of_open_end
 from rtamt_gym.judging.judge import Judge, TriggerCounter
-from rtamt_gym.judging.monitor_set import MonitorSetResult
-from rtamt_gym.judging.specs import (
-    SpecsLike,
-    check_period,
-    load_specs,
-    own_requirements,
-    with_unknown_start,
-)
-from rtamt_gym.mujoco.values import MonitorSetValues
+from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, MonitorSetResult
+from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_record import (
-    AT_VERDICTS,
-    AT_VIOLATION,
-    KNOWN_EVERY,
-    HistoriesOnDemand,
-    History,
-    Recorder,
-    SimulatedTrace,
-    Stop,
-)
+from rtamt_gym.play.run import Floats, HistoriesOnDemand, History, Run, SimulatedTrace, Stop
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
-from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import Read, SignalLike
-from rtamt_gym.systems.adapters import as_system, driven, refuse_seed
 from rtamt_gym.systems.environment import Environment
-from rtamt_gym.systems.system import Policy, System, exited, step_limit
+from rtamt_gym.systems.system import System, exited
 from rtamt_gym.tables import sample_text
 
 if TYPE_CHECKING:  # they import MuJoCo and Rerun, which are optional
     from rtamt_gym.live.track import Track
     from rtamt_gym.live.view import RerunView
-    from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
 
+AT_VIOLATION: Final = frozenset[Stop]({"violation", "decided", "known"})
+"""The stops at the first certain violation."""
 
-class _Bound(NamedTuple):
-    """A system with bound signals, and its monitors."""
+AT_VERDICTS: Final = frozenset[Stop]({"decided", "verdicts"})
+"""The stops once every verdict is certain."""
 
-    system: System
-    reads: Sequence[Read] | None
-    judge: Judge | None
-    free: list[Recorder]
-    variables: Sequence[str]
-    period: Fraction | None
-    most: int | None
-    trigger_counter: TriggerCounter
+KNOWN_EVERY: Final = 10
+"""The number of samples between checks whether every robustness is known, which are slow."""
 
 
-class Simulator:
-    """A system under specifications, checked, bound and compiled once for many runs.
+class Recorder:
+    """Update the monitors with samples, and record the values that a run needs.
 
-    `rtamt_gym.simulate` documents the arguments. Every run has the same case.
+    Attributes:
+        monitor_set: The monitors.
+        names: The names of the values of a sample: the variables, then further signals.
+        first_sample: The number of the first sample in its episode.
     """
 
     def __init__(
         self,
-        system: Any,  # noqa: ANN401 - MuJoCo is not typed
-        specs: SpecsLike | None,
-        signals: Mapping[str, SignalLike] | None,
-        reading: EvaluationOptions,
+        monitor_set: MonitorSet,
+        variables: Sequence[str],
+        signals: Iterable[str] = (),
+        nan: NanPolicy = "raise",
         *,
-        case: Mapping[str, float | Waveform] | None = None,
-        start: Snapshot | None = None,
-        policy: Policy | None = None,
-        duration: float | None = None,
+        keeps: bool = True,
+        curves: bool = False,
+        fed: bool = False,
+        live: Track | None = None,
     ) -> None:
-        if reading.substeps and not isinstance(system, gym.Env):
-            raise InputError(
-                Argument("substeps", value=True),
-                f" is for environments with several physics steps per step, got {system!r}; give "
-                "a smaller ",
-                Argument("period"),
-                " if the system takes a period",
-            )
-        self._given, self._policy, self._duration = system, policy, duration
-        self._case = None if case is None else Case(case)
-        self._plain = as_system(system, policy, start, substeps=reading.substeps)
-        ran = self._plain if self._case is None else driven(self._plain, self._case)
-        self.name, self.start = ran.name, start
-        self.monitor = cast("StepMonitor", system) if isinstance(system, MonitorSetValues) else None
-        if self.monitor is not None:
-            _refuse_options({"specs": specs, "signals": signals})
-            reading = reading.over(self.monitor.reading, "the StepMonitor", "leave it out")
-            self.specs: Mapping[str, rtamt.Specification] = self.monitor.specs
-            signals = dict.fromkeys(self.monitor.signals, "")
+        self.monitor_set, self.first_sample = monitor_set, 0
+        self.names = list(dict.fromkeys([*variables, *signals]))
+        self._variables, self._holds, self._fed = variables, nan == "hold", fed
+        self._further = range(len(variables), len(self.names))
+        # One monitor takes a sample completely or not at all, so nothing has to be undone.
+        single = len(monitor_set.monitors) == 1 and not keeps
+        self._samples: list[Sequence[float]] | None = None if single else []
+        self._curves: dict[str, list[Assessment]] = (
+            {name: [] for name in monitor_set.monitors} if curves or fed else {}
+        )
+        self._state = monitor_set.state() if fed else None
+        self._feed = monitor_set.feeder(variables)
+        self._live = live
+        if live is not None:
+            live.follow(monitor_set.monitors)
+            live.begin()
+        self._reads: Sequence[Read] | None = None
+        self._feed_step: Feed
+
+    def __len__(self) -> int:
+        """The number of samples."""
+        return self.monitor_set.samples if self._samples is None else len(self._samples)
+
+    @property
+    def plain(self) -> bool:
+        """Whether monitors may read the steps of an environment without `take`."""
+        return not self._further and not self._curves and self._live is None
+
+    def reset(self) -> None:
+        """Forget the samples, for another run."""
+        self.monitor_set.reset()
+        if self._samples is not None:
+            self._samples.clear()
+
+    def take(self, values: Sequence[float]) -> None:
+        """Feed and keep a sample: the variables, then the further signals."""
+        if self._fed:
+            if not self._samples:
+                self.first_sample = self.monitor_set.samples - 1
+                self._state = self.monitor_set.state()
         else:
-            self.specs = _loaded(specs, system, ran.name)
-            if isinstance(self._plain, Environment):
-                reading = self._read_environment(
-                    self._plain, cast("Environment", ran), signals, reading
+            self._feed(values)
+        for index in self._further:  # values that no monitor reads, and so checks
+            value: object = values[index]
+            if type(value) is not float and not isinstance(value, Real):  # the second is slower
+                raise InputTypeError(
+                    f"expected a number for {self.names[index]!r} at sample {len(self)}, "
+                    f"got {type(value).__name__} {value!r}"
                 )
-            elif reading.below:
-                raise InputError(
-                    Argument("below", value=True),
-                    f" is for environments, which have wrappers, got {system!r}; leave it out",
-                )
-        self.signals, self.reading = signals, reading
-        self._judge: Judge | None = None
-        self._free: list[Recorder] = []  # of the judge
-        self._trigger_counter: TriggerCounter | None = None  # of a `StepMonitor`
-        self.of_environment = isinstance(self._plain, Environment)
-        self._bound = self._bind(ran)
+        self._keep(values)
+        if self._live is not None:
+            self._live.sample(values)
 
-    def _read_environment(
-        self,
-        plain: Environment,
-        ran: Environment,
-        signals: Mapping[str, SignalLike] | None,
-        reading: EvaluationOptions,
-    ) -> EvaluationOptions:
-        """Pass options to an environment; return the options of its monitors."""
-        known = plain.known(signals)
-        read = {name: known.get(name) for name in _variables(self.specs)}
-        reading, refuse_nan = with_unknown_start(reading, read)
-        timed = any(spec.timed for spec in self.specs.values())
-        own = plain.period is not None and reading.period is None
-        if own and timed and not reading.substeps:
-            warn_of_unverified_period(self._given)
-        for system in (plain, ran):
-            system.refuses_nan, system.timed = refuse_nan, timed
-            system.below, system.rescaled = reading.below, reading.rescaled
-        return reading
+    def feeder(self, reads: Sequence[Read]) -> Feed:
+        """Return the function that feeds a step of an environment; made again for other reads."""
+        if reads is not self._reads:
+            keep = None if self._samples is None else self._samples.append
+            self._feed_step = self.monitor_set.feeder(self._variables, reads, keep=keep)
+            self._reads = reads
+        return self._feed_step
 
-    def begin(
-        self,
-        case: Case | None = None,
-        *,
-        policy: Policy | None = None,
-        seed: int | None = None,
-        stop: Stop = "violation",
-        above: Mapping[str, float] | None = None,
-        label: str = "",
-        light: bool = False,
-        live: RerunView | None = None,
-    ) -> Simulation:
-        """Start a run; `rtamt_gym.simulate` documents the arguments."""
-        _check_stop(stop, above)
-        if self.monitor is not None:
-            _refuse_options({"above": above})
-        above = {} if above is None else above
-        check_known("above", above, self.specs)
-        bound, plain = self._bound, self._plain
-        system = bound.system
-        if self.of_environment:
-            acting = self._policy if policy is None else policy
-            if case:
-                again = cast("Environment", plain).again(acting, seed)
-                bound = self._bind(driven(again, case))
-                system = bound.system
-            else:
-                system = cast("Environment", system).again(acting, seed)
+    def rewind(self) -> None:
+        """Set the monitors to the last kept sample: an error may have come within the next one.
+
+        Some monitors may have taken a sample that others have refused.
+        """
+        if self._samples is None:
+            return
+        samples = [*self._samples]
+        self._samples.clear()
+        for curve in self._curves.values():
+            curve.clear()
+        if self._state is None:
+            self.monitor_set.reset()
         else:
-            refuse_seed(seed, self._given)
-            if case is not None:  # also an empty one: a MuJoCo model starts again as a copy
-                bound = self._bind(driven(plain, case))
-                system = bound.system
-        case = self._case if case is None else case
-        return Simulation(self, bound, system, case, seed, stop, above, label, light, live)
+            self.monitor_set.restore(self._state)
+        for values in samples:
+            if not self._fed or self._samples:
+                self._feed(values)
+            self._keep(values)
 
-    def of(self, system: System) -> Simulator:
-        """Return a simulator of another system like this one, with bound signals."""
-        other = copy.copy(self)
-        other.__dict__ |= {"_plain": system, "_bound": self._bound._replace(system=system)}
-        other.of_environment = isinstance(system, Environment)
+    def finish(self, end: AtTermination | End) -> None:
+        """End the trace for the monitors; the last values of curves are those after the end."""
+        self.monitor_set.finish(end)
+        if self._curves:
+            for name, state in self.monitor_set.describe().items():
+                self._curves[name][-1] = state["robustness"], state["lower"], state["upper"]
+
+    def show_end(self) -> None:
+        """End the episode in the live view, if there is one."""
+        if self._live is not None:
+            self._live.end(self.monitor_set.describe())
+
+    def columns(self) -> dict[str, Floats]:
+        """Return the values of every variable and further signal; samples must be kept."""
+        assert self._samples is not None  # noqa: S101 - as documented
+        table = np.array(self._samples, np.float64).reshape(len(self._samples), len(self.names))
+        if self._holds:
+            for previous, values in pairwise(table):
+                np.copyto(values, previous, where=np.isnan(values))
+        return dict(zip(self.names, np.ascontiguousarray(table.T), strict=True))
+
+    def replayed(self, monitor_set: MonitorSet, end: AtTermination | End | None) -> Recorder:
+        """Feed the samples to further monitors, and keep the values of these at every sample."""
+        other = Recorder(monitor_set, self._variables, self.names, curves=True)
+        for values in self._samples or ():
+            other.take(values)
+        if end is not None:
+            other.finish(end)
         return other
 
-    def _bind(self, ran: System) -> _Bound:
-        """Compile the specifications for the period of a system, and bind its signals."""
-        variables: Sequence[str]
-        if self.monitor is not None:
-            variables = _variables(self.specs)
-            ran.bind(variables, self.signals, self.monitor.period)
-            step = None if ran.period is None else exact(ran.period)
-            most = step_limit(self._duration, step, ran.name, endless=ran.endless)
-            if self._trigger_counter is None:
-                self._trigger_counter = TriggerCounter(self.specs, self.monitor.reading)
-            period = self.monitor.period
-            return _Bound(ran, None, None, [], variables, period, most, self._trigger_counter)
-        reading = self.reading
-        if reading.period is None:
-            reading = reading.having(period=ran.period)
-        if reading.period is None and ran.needs_period:
-            lacks = ran.needs_period
-            reason = lacks if isinstance(lacks, str) else "does not state the duration of a step"
-            raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
-        why = why_no_period(self._given) if isinstance(self._given, gym.Env) else ""
-        if reading.period is None:  # before the bounds: the error states both
-            step_limit(self._duration, None, ran.name, endless=ran.endless)
-        check_period(self.specs, reading.period, ran.name, why)
-        judge = self._judge
-        if judge is None or judge.reading.period != reading.period:
-            judge = self._judge = Judge(self.specs, reading)
-            self._free = []
-        most = step_limit(self._duration, judge.period, ran.name, endless=ran.endless)
-        ran.bind(judge.variables, self.signals, judge.period)
-        reads = ran.reads if isinstance(ran, Environment) and ran.plain else None
-        variables, trigger_counter = judge.variables, judge.trigger_counter
-        return _Bound(ran, reads, judge, self._free, variables, judge.period, most, trigger_counter)
+    def histories(
+        self,
+        specs: Mapping[str, rtamt.Specification],
+        evidence: Mapping[str, Evidence[TriggerCount]],
+    ) -> dict[str, History]:
+        """Return the history of every specification."""
+        outcomes = self.monitor_set.outcomes()
+        histories = {}
+        for name, (_, judge) in self.monitor_set.monitors.items():
+            robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
+            outcome = outcomes[name]
+            histories[name] = History(
+                str(specs[name].formula),
+                robustness,
+                lower,
+                upper,
+                judge.robustness,
+                rtamt.Verdict[outcome["verdict"]],
+                outcome.get("decided_at"),
+                specs[name].unit,
+                judge.interface.semantics,
+                _with_role("input", judge),
+                _with_role("output", judge),
+                None if name not in evidence else evidence[name].triggers,
+                name in evidence and evidence[name].vacuous,
+                outcome.get("progress"),
+                outcome.get("ended_at"),
+            )
+        return histories
+
+    def _keep(self, values: Sequence[float]) -> None:
+        for name, curve in self._curves.items():
+            source, judge = self.monitor_set.monitors[name]
+            curve.append((source.robustness, judge.lower, judge.upper))
+        if self._samples is not None:
+            self._samples.append(tuple(values))
+
+
+def _with_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:
+    """Return the variables of a formula with a role; exact semantics do not use roles."""
+    if judge.interface.semantics in EXACT:
+        return ()
+    variables = judge.specification.formula.variables
+    return tuple(name for name in variables if judge.interface.role(name) == role)
+
+
+class BoundSystem(NamedTuple):
+    """A system with bound signals, its monitors and the options of its runs.
+
+    Attributes:
+        reads: The readers of the signals, if a step is one sample of an environment.
+        most: The maximum number of steps.
+        goes_on: Whether the episode goes on after the run, as for a `StepMonitor`.
+        free: Recorders of finished runs without samples, for further runs.
+    """
+
+    system: System
+    reads: Sequence[Read] | None
+    specs: Mapping[str, rtamt.Specification]
+    signals: Mapping[str, SignalLike]
+    reading: EvaluationOptions
+    variables: Sequence[str]
+    period: Fraction | None
+    most: int | None
+    monitor: StepMonitor | None
+    goes_on: bool
+    judge: Judge | None
+    free: list[Recorder]
+    trigger_counter: TriggerCounter
 
 
 class Simulation:
@@ -238,34 +263,31 @@ class Simulation:
 
     def __init__(
         self,
-        simulator: Simulator,
-        bound: _Bound,
-        system: System,
+        bound: BoundSystem,
         case: Case | None,
         seed: int | None,
         stop: Stop,
         above: Mapping[str, float],
         label: str,
-        light: bool,  # noqa: FBT001 - `Simulator.begin` names it
-        live: RerunView | None = None,
+        *,
+        light: bool,
+        live: RerunView | None,
     ) -> None:
-        monitor, variables = simulator.monitor, bound.variables
-        self._simulator, self._bound, self._system = simulator, bound, system
+        variables, signals, monitor = bound.variables, bound.signals, bound.monitor
+        self._bound, self._system = bound, bound.system
         self._case, self._seed, self._label = case, seed, label
         self._stop, self._above, self._most = stop, above, bound.most
-        signals = simulator.signals or {}
         self._light = light and monitor is None and all(name in variables for name in signals)
         if self._light and bound.free:
             self._record = bound.free.pop()
             self._record.reset()
         else:
-            judge = bound.judge
-            monitor_set = judge.begin() if judge else cast("StepMonitor", monitor).monitor_set
+            judge, monitored = bound.judge, cast("StepMonitor", monitor)
             self._record = Recorder(
-                monitor_set,
+                monitored.monitor_set if judge is None else judge.begin(),
                 variables,
                 () if self._light else signals,
-                simulator.reading.nan,
+                bound.reading.nan,
                 keeps=not self._light or bool(bound.trigger_counter),
                 fed=monitor is not None,
                 live=None if live is None else self._track(live),
@@ -281,10 +303,10 @@ class Simulation:
 
     def _track(self, live: RerunView) -> Track:
         """Return the track of the run in a live view."""
-        simulator, bound, system = self._simulator, self._bound, self._system
+        bound, system = self._bound, self._system
         period = None if bound.period is None else float(bound.period)
-        names = list(dict.fromkeys([*bound.variables, *(simulator.signals or {})]))
-        track = live.track(names, [*simulator.specs], period)
+        names = list(dict.fromkeys([*bound.variables, *bound.signals]))
+        track = live.track(names, [*bound.specs], period)
         if live.pictures is not None:
             make = getattr(system, "renderer", None)
             if make is None:
@@ -415,8 +437,8 @@ class Simulation:
         monitor_set, end = self._monitor_set, self._end
         default = (
             why == "terminated"
-            and self._simulator.reading.at_termination is None
-            and self._simulator.of_environment
+            and self._bound.reading.at_termination is None
+            and isinstance(self._system, Environment)
         )
         undecided, windows = (
             (monitor_set.undecided, monitor_set.cut_windows()) if default else ([], ())
@@ -432,11 +454,10 @@ class Simulation:
     @property
     def _end(self) -> AtTermination | End | None:
         """How the end is evaluated; None if the run was stopped or the episode goes on."""
-        simulator, ended = self._simulator, self._ended
-        goes_on = simulator.monitor is not None and simulator.start is None
-        if ended == "truncated" or (ended == "duration" and not goes_on):
-            return simulator.reading.at_truncation
-        return (simulator.reading.at_termination or "complete") if ended == "terminated" else None
+        reading, ended = self._bound.reading, self._ended
+        if ended == "truncated" or (ended == "duration" and not self._bound.goes_on):
+            return reading.at_truncation
+        return (reading.at_termination or "complete") if ended == "terminated" else None
 
     def _close(self) -> None:
         """Make the outcomes and the run, if there is a sample, and close the system."""
@@ -486,7 +507,7 @@ class Simulation:
         }
 
     def _make_run(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Run:
-        simulator, bound, system = self._simulator, self._bound, self._system
+        bound, system = self._bound, self._system
         limits = [steps for steps in (self._most, system.limit) if steps is not None]
         return Run(
             system=system.name,
@@ -495,8 +516,8 @@ class Simulation:
             ended=self._ended,
             violated_by=self._monitor_set.violated_by,
             period=bound.period,
-            view=simulator.reading.view,
-            align=simulator.reading.align,
+            view=bound.reading.view,
+            align=bound.reading.align,
             stop=self._stop,
             limit=min(limits, default=None),
             wall_time=self.wall,
@@ -509,12 +530,8 @@ class Simulation:
 
     def _histories(self, evidence: Mapping[str, Evidence[TriggerCount]]) -> Mapping[str, History]:
         """Return the histories; for monitors of a `Judge`, they are computed at their first use."""
-        record, judge, specs, end = (
-            self._record,
-            self._bound.judge,
-            self._simulator.specs,
-            self._end,
-        )
+        record, judge, specs = self._record, self._bound.judge, self._bound.specs
+        end = self._end
         if judge is None:
             return record.histories(specs, evidence)
 
@@ -560,39 +577,3 @@ def _carry(error: BaseException, run: Run) -> None:
 def _note(run: Run) -> str:
     samples = f"{run.steps + 1} samples" if run.steps else "1 sample"
     return f"error.run holds {samples}, up to {sample_text(run.last_sample, run.period)}"
-
-
-def _variables(specs: Mapping[str, rtamt.Specification]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for spec in specs.values() for name in spec.variables))
-
-
-def _loaded(specs: SpecsLike | None, system: object, name: str) -> dict[str, rtamt.Specification]:
-    """Load specifications; None: the environment's own."""
-    own = own_requirements(system)
-    if specs is None and not own:
-        raise InputTypeError(
-            f"expected specifications for {name}, got none; "
-            'write simulate(system, "always(x < 1)", ...)'
-        )
-    return load_specs(own if specs is None else specs, own)
-
-
-def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:
-    check_choice("stop", stop, get_args(Stop))
-    if above is not None and stop != "known":
-        raise InputError(f"expected above= with stop='known' alone, got stop={stop!r}")
-
-
-def _refuse_options(options: Mapping[str, object]) -> None:
-    """Refuse options that a `StepMonitor` has of its own."""
-    if type(options.get("specs")).__name__ == "Snapshot":
-        raise InputTypeError(
-            "expected a snapshot as start=, got it as specs; "
-            "write simulate(monitor, start=snapshot)"
-        )
-    for name, value in options.items():
-        if value is not None:
-            raise InputError(
-                f"{name}= is for systems without a monitor, got {name}={value!r} for a "
-                f"StepMonitor, which has its own; give it to StepMonitor(...)"
-            )

@@ -131,7 +131,6 @@ LATE = {
             "rtamt_gym.play.saved_case",
             "rtamt_gym.search.sweeps.sweep",
             "rtamt_gym.play.run",
-            "rtamt_gym.play.run_record",
         )
     ),
 }

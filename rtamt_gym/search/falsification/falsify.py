@@ -29,7 +29,7 @@ from rtamt_gym.options.evaluation import (
 from rtamt_gym.play.campaign import ParallelRunner, Recipe, check_workers
 from rtamt_gym.play.folder import Folder
 from rtamt_gym.play.record import Record, check_columns, written_space
-from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.run import Stop
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance

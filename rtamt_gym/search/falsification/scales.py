@@ -14,7 +14,7 @@ from rtamt import Formula, InputError, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
-from rtamt_gym.play.run_record import SimulatedTrace
+from rtamt_gym.play.run import SimulatedTrace
 
 __all__ = ["checked_scales", "in_scales", "spreads"]
 

@@ -21,7 +21,7 @@ from rtamt_gym.play.campaign import ParallelRunner
 from rtamt_gym.play.folder import Folder
 from rtamt_gym.play.offline_runner import MakeRunner, OfflineRunner, prefers_offline
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run_record import SimulatedTrace
+from rtamt_gym.play.run import SimulatedTrace
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.results.provenance import Reuse
 from rtamt_gym.results.trial import Trial

@@ -26,8 +26,7 @@ from rtamt_gym.recorded.trace import EventTrace
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
-    from rtamt_gym.play.run import Run
-    from rtamt_gym.play.run_record import SimulatedTrace
+    from rtamt_gym.play.run import Run, SimulatedTrace
     from rtamt_gym.results.trial import RunEnd
     from rtamt_gym.search.sweeps.sweep import Sweep
 

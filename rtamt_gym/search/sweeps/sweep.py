@@ -22,8 +22,7 @@ from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.record import Record, check_columns, read_space, written_space
-from rtamt_gym.play.run import Run
-from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.run import Run, Stop
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.play.summaries import failures, record_table
 from rtamt_gym.results.provenance import reuse_lines

@@ -13,7 +13,7 @@ from rtamt_gym import Runner
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.loop import PlayBatch, SideBySide, Task, play
 from rtamt_gym.play.offline_runner import OfflineRunner
-from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.run import Stop
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.policies import Model
 

@@ -12,7 +12,7 @@ import rtamt
 from rtamt import Specification, Verdict
 from rtamt_gym import Runner, Space
 from rtamt_gym.play.offline_runner import OfflineRunner, prefers_offline
-from rtamt_gym.play.run_record import Stop
+from rtamt_gym.play.run import Stop
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.trial import Trial
 

@@ -15,7 +15,7 @@ from matplotlib.collections import PolyCollection
 from rtamt import InputError, Verdict
 from rtamt_gym.drawing import check_format, save
 from rtamt_gym.play.plot import draw
-from rtamt_gym.play.run_record import Floats, History
+from rtamt_gym.play.run import Floats, History
 from rtamt_gym.results import Run
 
 INF = math.inf
