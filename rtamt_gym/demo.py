@@ -13,8 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt_gym.drawing import save
-from rtamt_gym.play.plot import draw
-from rtamt_gym.play.run import Run
+from rtamt_gym.play.run import Run, draw
 from rtamt_gym.play.simulate import simulate
 from rtamt_gym.play.summaries import run_table, saved_note
 from rtamt_gym.signals.signals import SignalLike

@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         print("", f"run: {options.save}", sep="\n")
     if options.plot:
         from rtamt_gym.drawing import save
-        from rtamt_gym.play.plot import draw
+        from rtamt_gym.play.run import draw
         from rtamt_gym.search.falsification.falsification import with_inputs
 
         save(draw([with_inputs(replayed, saved.case)]), options.plot)

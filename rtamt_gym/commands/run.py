@@ -171,7 +171,7 @@ def _run(options: argparse.Namespace, kwargs: Mapping[str, Any], view: RerunView
         print(f"outcomes: {options.json}")
     if options.plot:
         from rtamt_gym.drawing import save
-        from rtamt_gym.play.plot import draw
+        from rtamt_gym.play.run import draw
 
         runs = {
             i: episode for i, episode in enumerate(episodes, 1) if not isinstance(episode, Trial)

@@ -38,8 +38,9 @@ from rtamt_gym.options.evaluation import (
 )
 from rtamt_gym.play.campaign import run_campaign
 from rtamt_gym.play.episodes import Episodes, VectorEpisodes
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run import Run, Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.results.intervals import IntervalKind
 from rtamt_gym.results.statistics import rank

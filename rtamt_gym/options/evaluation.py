@@ -354,12 +354,7 @@ def names_for(calls: Calls | None = None) -> list[str]:
 def checked_options(
     options: Mapping[str, Any], caller: Callable[..., object], calls: Calls
 ) -> EvaluationOptions:
-    """Return the options that a call gets as ``**reading``.
-
-    Raises:
-        InputTypeError: If a keyword is not an option of these calls.
-        InputError: If an option has a wrong value.
-    """
+    """Return the options that a call gets as ``**reading``; raise InputTypeError for others."""
     taken = names_for(calls)
     for name in options:
         if name not in taken:
@@ -426,11 +421,7 @@ def _with_entries(text: str | None, rows: Iterable[Field[Any]], *, described: bo
 
 
 def seconds_of(period: Period | None) -> Fraction | None:
-    """Return a period in seconds, exactly; None stays None.
-
-    Raises:
-        SpecificationError: If it is not a period.
-    """
+    """Return a period in seconds, exactly; None stays None."""
     return None if period is None else rtamt.Monitor("true", period).period
 
 

@@ -15,7 +15,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Literal
 from uuid import uuid4
 
 import gymnasium as gym
@@ -30,7 +30,6 @@ from rtamt_gym.play.folder import Folder, digest
 from rtamt_gym.play.loop import Task
 from rtamt_gym.play.offline_runner import OfflineRunner
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.workers import Making, Setup, end_processes, run_chunk
 from rtamt_gym.recorded.progress import progress as shown_progress
@@ -58,38 +57,12 @@ def run_campaign(
     """Run a case with its seed for each task; return a record with a row for each.
 
     The record depends neither on the number of workers nor on the order in which runs finish. A
-    worker gets about a second's work at once, or as many tasks as run side by side.
+    worker gets about a second's work at once. `rtamt_gym.sweep` documents workers and folders.
+    ``about`` is metadata that distinguishes the campaign in a folder from others; ``enough`` gets
+    each row in the order of the tasks, and returns whether no more are needed.
 
-    Args:
-        runner: Runs the cases. Other processes make it again.
-        tasks: The case of each run, and its seed (None for a system without seeds).
-        n_jobs: How many runs, or batches, run at once, each in its own process; -1: one for each
-            core. None: one after the other in this process, unless ``backend`` or ``timeout`` is
-            given.
-        backend: ``"dask"``: the workers of the current Dask client; ``"ray"``: Ray's workers.
-            None: this machine.
-        timeout: The seconds that a run may take. A longer run is ended and has a ``TimeoutError``
-            in its row; a run that ends its process twice has a ``ChildProcessError``. The first
-            run may have code to compile.
-        folder: Stores finished runs. An interrupted campaign continues there. The folder also
-            stores hashes and versions of the code that runs, `Runner.fingerprint`; if they have
-            changed, it is an error.
-        accept_changed: Whether to use the runs in the folder although the model has changed;
-            ``provenance.reuse`` of the record states it.
-        about: Metadata of the record for JSON, which distinguishes the campaign from others.
-        what: The name of the campaign on the progress bar.
-        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        enough: Called with each row in the order of the tasks; returns whether no more are needed.
-
-    Returns:
-        A row for each task, in their order, up to the row that was enough.
-
-    Raises:
-        KeyboardInterrupt: On Ctrl-C, with the attributes ``record``, the rows up to the first
-            unfinished run, and ``lost``, the maximum number of further runs that had started.
-        InputError: If an argument is wrong, the folder holds another campaign, or another process
-            cannot make the system.
-        InputTypeError: If the system cannot be sent to another process.
+    Ctrl-C raises its error with the attributes ``record``, the rows up to the first unfinished run,
+    and ``lost``, the maximum number of further runs that had started.
     """
     listed = [Task(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
@@ -117,7 +90,8 @@ def run_campaign(
         if n_jobs is None and backend is None and timeout is None:
             results: Iterator[NumberedTrials] = (_run_here(runner, chunk) for chunk in chunks)
         else:
-            elsewhere = stack.enter_context(ParallelRunner(runner, n_jobs, backend, timeout))
+            elsewhere = ParallelRunner(runner, n_jobs, backend, timeout)
+            stack.callback(elsewhere.close)
             results = stack.enter_context(elsewhere.spread(chunks))
         note = _Note(runner.duration, rows.trials.values())
         bar = shown_progress(what, len(listed) if progress else 0, "run")
@@ -160,7 +134,6 @@ class _Rows:
     """The rows of a campaign by task number, some of them from its folder.
 
     Attributes:
-        trials: The rows.
         count: The number of rows that ``enough`` has seen, in the order of tasks; all without it.
     """
 
@@ -332,7 +305,7 @@ class Recipe:
             if changes := there.common(here).changes(here.common(there)):
                 raise InputError(f"{listed(changes)} since the run began, or on this machine")
         if self._offline:
-            return OfflineRunner(lambda _specs, _stop: runner, self._requirements)
+            return OfflineRunner(runner)
         return runner
 
     def pickled(self, name: str) -> bytes:
@@ -411,19 +384,9 @@ class ParallelRunner:
         recipe = Recipe(runner, offline=offline, fingerprint=runner.fingerprint())
         self._recipe = recipe.pickled(runner.name)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """End the processes; no more cases can be run."""
         end_processes(self._name)
-
-    def judge(self, name: str, trace: SimulatedTrace) -> float:
-        """As `Runner.judge`."""
-        return self._runner.judge(name, trace)
 
     def run(
         self,

@@ -27,8 +27,9 @@ from rtamt_gym.options.evaluation import (
     checked_options,
     seconds_of,
 )
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.loop import PlayBatch, Played, SideBySide, Task, play
-from rtamt_gym.play.run import Run, Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import CaseLike, Requirements, Runner, load_requirements
 from rtamt_gym.play.simulate import Simulator
 from rtamt_gym.play.simulation import Simulation
@@ -55,8 +56,7 @@ _WAVES = 8
 class Episodes(Runner):
     """Plays episodes of a policy in an environment, one by one or side by side.
 
-    A deterministic model acts in ``n_envs`` episodes at once, each in its own environment. Other
-    policies act in one episode after the other.
+    A deterministic model acts in ``n_envs`` episodes at once, each in its own environment.
 
     Attributes:
         evaluated: The policy.
@@ -172,11 +172,6 @@ class VectorEpisodes(Runner):
     A vector environment that resets by itself plays waves: a reset with seeds, and steps until all
     episodes of this reset are over, so that short episodes are not played more often. If single
     environments can be reset, a place starts its next episode as soon as the last one is over.
-
-    Attributes:
-        evaluated: The policy.
-        unasked: Whether ``at_termination`` was not given.
-        monitor: The monitor of the environment, or None.
     """
 
     def __init__(
@@ -509,13 +504,7 @@ class VectorBatch(PlayBatch):
 
 
 class Place(System):
-    """One environment of a vector environment as a system.
-
-    Attributes:
-        end: How the last step ended the episode.
-        error: The error of the last step, if there is one.
-        reward: The sum of the rewards of the episode.
-    """
+    """One environment of a vector environment as a system; its last step is in the attributes."""
 
     observation: Any = None
 

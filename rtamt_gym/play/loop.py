@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from gymnasium import spaces
 
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.play.run import SimulatedTrace
+from rtamt_gym.play.history import SimulatedTrace
 from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.policies import Model

@@ -20,8 +20,8 @@ from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.judge import Judging, TriggerCounter
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
+from rtamt_gym.play.history import Floats, SimulatedTrace, Stop
 from rtamt_gym.play.loop import PlayBatch, Task
-from rtamt_gym.play.run import Floats, SimulatedTrace, Stop
 from rtamt_gym.play.simulation import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
@@ -44,11 +44,6 @@ class NativeRollouts:
     """The native vector environment of a scenario, with the judge of its runs.
 
     The trials equal the results of `rtamt_gym.simulate` to the last bit.
-
-    Attributes:
-        size: The maximum number of runs in a batch.
-        steps: The number of steps of a run that is not stopped.
-        end: How a run ends that is not stopped.
     """
 
     def __init__(

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt.patterns import stages
 from rtamt_gym.judging.judge import TriggerCounter
-from rtamt_gym.play.run import SimulatedTrace, Stop
+from rtamt_gym.play.history import SimulatedTrace
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import Trial
 
-MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
-
 
 def prefers_offline(specs: Mapping[str, Specification], runner: Runner) -> bool:
-    """Return whether an `OfflineRunner` is faster than monitors.
+    """Return whether an `OfflineRunner` is faster: a window contains a combination of windows.
 
-    It is if a window contains a combination of windows, as in ``always[0:30](p implies
-    eventually[0:5] q)``. Updates of its monitor take ten times as long as the simulation of a
-    scenario, and the robustness of the whole trace a tenth. Unless it is violated, the verdict is
-    hardly ever certain long before the end.
+    For ``always[0:30](p implies eventually[0:5] q)``, updates of a monitor take ten times as long
+    as the simulation of a scenario, and the robustness of the whole trace a tenth.
     """
     return (
         runner.duration is not None
@@ -46,25 +42,14 @@ class OfflineRunner:
     verdict runs again under monitors, which stop it.
     """
 
-    def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
-        self._runner = make(specs, "known")
-        self._names = list(specs)
+    def __init__(self, runner: Runner) -> None:
+        self._runner = runner
         self._trigger_counters: dict[Fraction | None, TriggerCounter] = {}
-        self._horizon = max(spec.horizon for spec in specs.values())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self._horizon = max(spec.horizon for spec in runner.requirements.values())
 
     def close(self) -> None:
         """Close the runner."""
         self._runner.close()
-
-    def judge(self, name: str, trace: SimulatedTrace) -> float:
-        """As `Runner.judge`."""
-        return self._runner.judge(name, trace)
 
     def run(
         self,
@@ -80,7 +65,8 @@ class OfflineRunner:
             if row.simulated < self._horizon:
                 continue
             with suppress(RtamtError):  # the loop below runs these cases again
-                robustness = {name: self.judge(name, trace) for name in self._names}
+                judge, names = self._runner.judge, self._runner.requirements
+                robustness = {name: judge(name, trace) for name in names}
                 if not np.signbit(list(robustness.values())).any():
                     satisfied[index] = self._satisfied(row, robustness, trace)
         yield from satisfied.items()

@@ -241,6 +241,13 @@ class Record(Results):
 
     def write(self, path: str | os.PathLike[str], caller: str, also: Mapping[str, Any]) -> None:
         """Write the file of `save` with further metadata; errors name the method ``caller``."""
+        pa, parquet = _pyarrow(caller)
+        path = Path(path)
+        if path.suffix.lower() != ".parquet":
+            raise InputError(
+                f"cannot write {path}: expected a name that ends in .parquet, the format that "
+                "holds all of a record; to_frame() has the columns for other formats"
+            )
         metadata = {
             "system": self.system,
             "requirements": dict(self.requirements),
@@ -251,7 +258,11 @@ class Record(Results):
             "also": also,
             **plain_provenance(self.provenance),
         }
-        save_record(Path(path), self.columns(), self.kinds(), metadata, caller)
+        types = {"number": pa.float64(), "whole": pa.int64(), "text": pa.string()}
+        columns, kinds = self.columns(), self.kinds()
+        arrays = {name: pa.array(cells, types[kinds[name]]) for name, cells in columns.items()}
+        table = pa.table(arrays).replace_schema_metadata({_KEY: json.dumps(metadata)})
+        parquet.write_table(table, path)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
@@ -316,26 +327,6 @@ def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:
                     f"kind in row {number}: {entry!r}"
                 )
     return shapes
-
-
-def save_record(
-    path: Path,
-    columns: Mapping[str, list[Any]],
-    kinds: Mapping[str, str],
-    metadata: Mapping[str, Any],
-    caller: str,
-) -> None:
-    """Write a record; the error about a missing pyarrow names ``caller``."""
-    pa, parquet = _pyarrow(caller)
-    if path.suffix.lower() != ".parquet":
-        raise InputError(
-            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
-            "all of a record; to_frame() has the columns for other formats"
-        )
-    types = {"number": pa.float64(), "whole": pa.int64(), "text": pa.string()}
-    arrays = {name: pa.array(cells, types[kinds[name]]) for name, cells in columns.items()}
-    table = pa.table(arrays).replace_schema_metadata({_KEY: json.dumps(metadata)})
-    parquet.write_table(table, path)
 
 
 def load_record(path: Path, caller: str) -> tuple[list[Trial], dict[str, Any]]:

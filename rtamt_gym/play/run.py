@@ -4,39 +4,36 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt import Explanation, InputError, Specification, Verdict, parse
-from rtamt.monitors import TriggerCount
+from rtamt import Explanation, InputError, Verdict
 from rtamt.renamed import OldName
-from rtamt.typing import Align, SemanticsName
+from rtamt.typing import Align
 from rtamt_gym import markup
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.monitors import chosen, robustness_text, titled
+from rtamt_gym.judging.monitors import chosen, titled
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.options.evaluation import View
+from rtamt_gym.play.history import CURVES, ComparesArrays, Floats, History, Stop
 from rtamt_gym.results.codec import VERSION, fraction_of, number_of, plain
 from rtamt_gym.results.outcome import Outcome, triggers_of, verdict_text
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.tables import sample_text
 
-if TYPE_CHECKING:  # it is optional
+if TYPE_CHECKING:  # they are optional
     import pandas as pd
-
-Floats = NDArray[np.float64]
-
-CURVES = ("robustness", "lower", "upper")
-"""The arrays of a history."""
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _OF_OUTCOME: Final = ("decided_at", "ended_at", "triggers", "vacuous", "progress")
 """The fields of a history that are written as in its outcome."""
@@ -47,166 +44,9 @@ _KEYS: Final = {"histories": "courses"}
 _KEY = b"rtamt.run"
 """The key of the file's metadata, which stores as JSON everything except the arrays."""
 
-Stop = Literal["violation", "decided", "known", "verdicts", "end"]
-"""When to stop a run: at the first certain violation; also once every verdict is certain; also once
-every robustness is known; only once every verdict is certain; or at its end."""
-
-
-class _ComparesArrays:
-    """A base of dataclasses with a comparison that handles arrays."""
-
-    __slots__ = ()
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        return all(
-            _same(getattr(self, item.name), getattr(other, item.name))
-            for item in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
-            if item.compare
-        )
-
-    __hash__ = None  # type: ignore[assignment]  # arrays have no hash
-
-
-def _same(left: object, right: object) -> bool:
-    if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
-        return np.array_equal(left, right, equal_nan=True)
-    if isinstance(left, Mapping) and isinstance(right, Mapping):
-        return list(left) == list(right) and all(_same(left[key], right[key]) for key in left)
-    return left == right
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class History(_ComparesArrays):
-    """The history of one specification over a run: robustness and bounds at every sample.
-
-    Attributes:
-        formula: Its text.
-        robustness: The robustness at every sample, if the run ended there.
-        lower: The lower bound of the final robustness, at every sample.
-        upper: The upper bound of the final robustness, at every sample.
-        final: The robustness at the end.
-        verdict: The verdict at the end.
-        decided_at: The sample that decided the verdict, counted from the start of the episode;
-            None if it is open, or if only the end decided it.
-        unit: The unit of bounds in the formula without a unit.
-        semantics: As for `rtamt.Monitor`.
-        inputs: Variables that the system reads.
-        outputs: Variables that the system sets.
-        triggers: Its triggers, as in `Outcome.triggers`.
-        vacuous: Whether it was vacuously satisfied.
-        progress: Its progress through stages at the end, as in `Outcome.progress`.
-        ended_at: The last sample, counted in the same way, if only the end decided the verdict;
-            otherwise None.
-    """
-
-    formula: str
-    robustness: Floats
-    lower: Floats
-    upper: Floats
-    final: float
-    verdict: Verdict
-    decided_at: int | None
-    unit: str = "s"
-    semantics: SemanticsName = "standard"
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    triggers: tuple[TriggerCount | rtamt.dense.TriggerCount, ...] | None = None
-    vacuous: bool = False
-    progress: float | None = None
-    ended_at: int | None = None
-
-    asked = OldName("triggers")
-
-    @property
-    def verdicts(self) -> NDArray[np.int8]:
-        """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
-        return np.subtract(~np.signbit(self.lower), np.signbit(self.upper), dtype=np.int8)
-
-    def final_text(self, form: str) -> str:
-        """Format the robustness at the end; a 0 without a verdict states whether it holds."""
-        text = robustness_text(self.final, self.semantics, self.verdict, form)
-        return text if self.verdict == Verdict.UNDECIDED else text.partition(", ")[0]
-
-    @property
-    def specification(self) -> Specification:
-        """The formula, parsed again."""
-        return parse(self.formula, unit=self.unit)
-
-    @property
-    def interface(self) -> dict[str, Any]:
-        """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
-        return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
-
-    def outcome(self, period: Fraction | None) -> Outcome:
-        """Return the outcome of the specification, without its history."""
-        bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
-        result = Outcome.at(bounds, self.verdict, self.decided_at, period, ended=self.ended_at)
-        return replace(result, triggers=self.triggers, vacuous=self.vacuous, progress=self.progress)
-
-    def decided_text(self, period: Fraction | None) -> str:
-        """Return when the verdict was decided: a time, a sample or "the end"; empty while open."""
-        if self.decided_at is not None:
-            return sample_text(self.decided_at, period)
-        return "" if self.verdict is Verdict.UNDECIDED else "the end"
-
-    def __repr__(self) -> str:
-        decided = self.decided_text(None)
-        when = f" at {decided}" if decided else ""
-        verdict = verdict_text(self.verdict, self.final)
-        return f"<History of {self.formula}: {verdict}{when}, robustness {self.final_text('.3g')}>"
-
-
-class HistoriesOnDemand(Mapping[str, History]):
-    """Histories that are computed when the first of them is read."""
-
-    def __init__(self, names: tuple[str, ...], compute: Callable[[], dict[str, History]]) -> None:
-        self._names = names
-        self._compute: Callable[[], dict[str, History]] | None = compute
-        self._histories: dict[str, History] = {}
-
-    def __getitem__(self, name: str) -> History:
-        return self._read()[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __repr__(self) -> str:
-        return repr(self._read())
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return dict, (self._read(),)
-
-    def _read(self) -> dict[str, History]:
-        if self._compute is not None:
-            self._histories, self._compute = self._compute(), None
-        return self._histories
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatedTrace:
-    """The samples of one simulation.
-
-    Attributes:
-        signals: The values of every variable, by name.
-        period: Seconds between samples, or None.
-    """
-
-    signals: Mapping[str, Floats]
-    period: Fraction | None
-
-    @property
-    def samples(self) -> int | None:
-        """The number of samples; None without variables."""
-        return next((len(values) for values in self.signals.values()), None)
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Run(_ComparesArrays):
+class Run(ComparesArrays):
     """One run of a simulation under specifications; `simulate` makes it.
 
     Two runs are equal if they differ only in wall time.
@@ -475,7 +315,6 @@ class Run(_ComparesArrays):
             InputError: If the extension does not belong to a picture.
         """
         from rtamt_gym.drawing import check_format, save
-        from rtamt_gym.play.plot import draw
 
         check_format(Path(path))
         save(draw([self]), Path(path))
@@ -633,3 +472,104 @@ def _sample(stored: Mapping[str, int] | int | None) -> int | None:
 
 def _array(stored: Sequence[float | str]) -> Floats:
     return np.array([number_of(value) for value in stored], np.float64)
+
+
+# Pictures: signals, robustness between its bounds, and when the verdict was certain.
+
+_CURVE_TEXTS: Final[Mapping[View, str]] = {
+    "episode": "robustness if it ended now",
+    "step": "robustness of the newest instant",
+}
+"""The meaning of the curve of robustness, by view."""
+
+_AFTER = 0.2
+"""Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
+
+
+def draw(runs: Sequence[Run]) -> Figure:
+    """Draw runs side by side: the signals, and below them a panel for every specification.
+
+    A panel shows the robustness of the samples so far, between its lower and upper bound; infinite
+    bounds end at the frame. A line marks the sample that decided the verdict; the rest is shaded.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    from rtamt_gym import drawing
+
+    heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].histories)
+    size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(
+        len(heights), len(runs), sharex="col", squeeze=False, height_ratios=heights
+    )
+    for column, run in zip(axes.T, runs, strict=True):
+        _draw_run(column, run)
+    verdicts = {c.verdict for run in runs for c in run.histories.values()}
+    figure.legend(
+        handles=[
+            Line2D([], [], color=drawing.ROBUSTNESS, label=_CURVE_TEXTS[runs[0].view]),
+            Patch(color=drawing.BOUNDS, alpha=0.5, label="what it can still become"),
+            *(
+                Patch(color=c, alpha=0.4, label=v.name)
+                for v, c in drawing.VERDICT_COLOURS.items()
+                if v in verdicts
+            ),
+        ],
+        loc="outside lower center",
+        ncols=2 if len(runs) == 1 else 4,
+        frameon=False,
+        fontsize=9,
+    )
+    return figure
+
+
+def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
+    from rtamt_gym import drawing
+
+    times = run.times
+    last = any(c.decided_at == run.last_sample for c in run.histories.values())
+    begin, end = float(times[0]), float(times[-1])
+    end += (end - begin) * _AFTER * last or float(end == begin)
+    signal_axes, history_axes = np.split(axes, [len(run.signals)])
+    ax: Axes
+    for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
+        drawing.tidy(ax, name)
+        ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
+        ax.margins(y=0.15)
+    for ax, (name, history) in zip(history_axes, run.histories.items(), strict=True):
+        _draw_history(ax, name, history, run, end)
+        text = f"{verdict_text(history.verdict, history.final)}, {history.final_text('+.3g')}"
+        if decided := history.decided_text(run.period):
+            text += f", at {decided}"
+        drawing.show_verdict(ax, history.verdict, text)
+    axes[-1].set_xlim(begin, end)
+    axes[-1].annotate(
+        "time in s" if run.period else "samples",
+        (0.0, 0.0),
+        (0.0, -26.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=9,
+        color=drawing.OPEN,
+    )
+    driver = run.label or ("" if run.seed is None else f"seed {run.seed}")
+    axes[0].set_title(
+        f"{run.system}, {driver}" if driver else run.system, fontsize=12, fontweight="bold", pad=10
+    )
+
+
+def _draw_history(ax: Axes, name: str, history: History, run: Run, end: float) -> None:
+    from rtamt_gym import drawing
+
+    times = run.times
+    curves = (history.robustness, history.lower, history.upper)
+    robustness, lower, upper = drawing.robustness_panel(ax, name, history.formula, 64, curves)
+    ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
+    if history.decided_at is not None:
+        colour = drawing.VERDICT_COLOURS[history.verdict]
+        time = float(times[max(history.decided_at - run.first_sample, 0)])
+        ax.axvspan(time, end, color=colour, alpha=0.18, linewidth=0)
+        ax.axvline(time, color=colour, linewidth=1.6)
+    ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

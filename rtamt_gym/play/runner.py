@@ -34,9 +34,10 @@ from rtamt_gym.options.evaluation import (
     documents_options,
     seconds_of,
 )
+from rtamt_gym.play.history import SimulatedTrace, Stop
 from rtamt_gym.play.loop import OneByOne, PlayBatch, Played, Task, play
 from rtamt_gym.play.native import NativeBatch, NativeRollouts
-from rtamt_gym.play.run import Run, SimulatedTrace, Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.simulate import Simulator
 from rtamt_gym.play.simulation import Simulation, failed
 from rtamt_gym.results.provenance import Fingerprint

@@ -29,7 +29,8 @@ from rtamt_gym.options.evaluation import (
     checked_options,
     documents_options,
 )
-from rtamt_gym.play.run import Run, Stop
+from rtamt_gym.play.history import Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.simulation import BoundSystem, Recorder, Simulation
 from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import SignalLike

@@ -23,7 +23,8 @@ from rtamt_gym.judging.judge import Judge, TriggerCounter
 from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, MonitorSetResult
 from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
-from rtamt_gym.play.run import Floats, HistoriesOnDemand, History, Run, SimulatedTrace, Stop
+from rtamt_gym.play.history import Floats, HistoriesOnDemand, History, SimulatedTrace, Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.signals.signals import Read, SignalLike
@@ -47,13 +48,7 @@ KNOWN_EVERY: Final = 10
 
 
 class Recorder:
-    """Update the monitors with samples, and record the values that a run needs.
-
-    Attributes:
-        monitor_set: The monitors.
-        names: The names of the values of a sample: the variables, then further signals.
-        first_sample: The number of the first sample in its episode.
-    """
+    """Updates the monitors with samples, and records the values that a run needs."""
 
     def __init__(
         self,

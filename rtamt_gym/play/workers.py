@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from threading import Lock
@@ -265,7 +265,7 @@ def main(pipe: int, alive: int, idle: float) -> None:
         return
     Making.now = False
     connection.send("")
-    with runner, suppress(EOFError):  # the pipe may end before `alive` does
+    with closing(runner), suppress(EOFError):  # the pipe may end before `alive` does
         while connection.poll(idle):
             tasks, above = connection.recv()
             if not tasks:

@@ -9,8 +9,9 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.evaluation.methods import MethodComparison
     from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.play.history import History
     from rtamt_gym.play.record import Record
-    from rtamt_gym.play.run import History, Run
+    from rtamt_gym.play.run import Run
     from rtamt_gym.play.saved_case import SavedCase
     from rtamt_gym.results.outcome import Outcome
     from rtamt_gym.results.statistics import RequirementResult
@@ -39,7 +40,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
         __name__,
         {
             "Outcome": "rtamt_gym.results.outcome.Outcome",
-            "History": "rtamt_gym.play.run.History",
+            "History": "rtamt_gym.play.history.History",
             "Comparison": "rtamt_gym.evaluation.comparison.Comparison",
             "Evaluation": "rtamt_gym.evaluation.evaluation.Evaluation",
             "Falsification": "rtamt_gym.search.falsification.falsification.Falsification",

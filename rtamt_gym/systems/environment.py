@@ -56,12 +56,10 @@ class Environment(System):
     rewards are the values that the monitor reads, and the monitor does not end episodes.
 
     Attributes:
-        observation: The last observation, which the next action reads.
         reward: The sum of its rewards since the start; None if they are not numbers.
         reported: Its own ``is_success`` in the last info of the episode, or None.
         refuses_nan: Whether it raises an error for a nan, if the monitors do not.
         timed: Whether bounds of specifications depend on its period.
-        below: As for the evaluation options, like ``rescaled``.
     """
 
     observation: Any = None

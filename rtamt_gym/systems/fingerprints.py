@@ -63,11 +63,10 @@ def made_by(thing: object, maker: object) -> None:
 
 
 def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> Fingerprint:
-    """Return the fingerprint of the code and files that simulations run.
+    """Return the fingerprint of the code and files that simulations run, as they are now.
 
-    Files are hashed as they are now. Functions are identified by the modules that define them, by
-    the values that they hold (arguments of a ``partial``, defaults, variables around them), and by
-    their names.
+    Functions are identified by the modules that define them, by the values that they hold
+    (arguments of a ``partial``, defaults, variables around them), and by their names.
     """
     collector = _Collector()
     collector.add_all(system)

@@ -127,10 +127,6 @@ def step_limit(
 ) -> int | None:
     """Return the number of steps of a run of ``duration`` seconds; None without an end.
 
-    Raises:
-        InputError: If an endless system has no duration; if the duration could count seconds or
-            steps, because the period is unknown; if it is shorter than a step.
-
     Example:
         >>> step_limit(0.3, Fraction(1, 10), "tank"), step_limit(None, None, "tank")
         (3, None)

@@ -11,7 +11,8 @@ from rtamt import InputError, Verdict
 from rtamt_gym.judging.monitor_set import MonitorSetResult
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options
-from rtamt_gym.play.run import Run, Stop
+from rtamt_gym.play.history import Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.simulate import Simulator, simulate
 from rtamt_gym.play.simulation import Simulation
 from rtamt_gym.results.outcome import Moment

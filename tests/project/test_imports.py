@@ -130,6 +130,7 @@ LATE = {
             "rtamt_gym.play.record",
             "rtamt_gym.play.saved_case",
             "rtamt_gym.search.sweeps.sweep",
+            "rtamt_gym.play.history",
             "rtamt_gym.play.run",
         )
     ),

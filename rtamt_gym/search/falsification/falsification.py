@@ -19,7 +19,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run import Run
+from rtamt_gym.play.run import Run, draw
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.summaries import case_lines, failures
 from rtamt_gym.results.codec import document, plain_results
@@ -153,7 +153,6 @@ class Falsification:
         """
         try:
             from rtamt_gym import drawing
-            from rtamt_gym.play.plot import draw
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Falsification.plot") from error
         drawing.check_format(Path(path))

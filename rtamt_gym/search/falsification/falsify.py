@@ -28,8 +28,8 @@ from rtamt_gym.options.evaluation import (
 )
 from rtamt_gym.play.campaign import ParallelRunner, Recipe, check_workers
 from rtamt_gym.play.folder import Folder
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.record import Record, check_columns, written_space
-from rtamt_gym.play.run import Stop
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Provenance
@@ -309,16 +309,8 @@ def reduced(
     """Make a violating case simpler, in steps that keep the violation.
 
     First parameters get their defaults, which removes faults. Then signals become constant or lose
-    control points, and numbers are rounded. Each step starts from the result of the steps before.
-
-    Args:
-        row: A simulation that violates.
-        space: The space of the search: values stay in its ranges, or become defaults.
-        again: Runs a case; returns None if it does not violate.
-        most: The maximum number of cases to run.
-
-    Returns:
-        The simulation of the simplest violating case, and the number of cases that ran.
+    control points, and numbers are rounded. ``again`` runs a case, at most ``most`` times, and
+    returns None if it does not violate. Returns the simplest simulation, and how many cases ran.
     """
     budget = _Budget(row, again, most)
     for entry in space:

@@ -68,12 +68,6 @@ class Climb:
         over: Whether the run has converged, or has not improved for twelve generations.
         level: The median of the last generation, or infinite. The better half makes the next
             generation, so the exact values of points above the median rarely matter.
-
-    Args:
-        start: The mean of the first generation.
-        rng: The generator that draws the seed.
-        sigma: The standard deviation of the first generation.
-        population: The number of points of a generation.
     """
 
     def __init__(
@@ -213,12 +207,7 @@ _BATCH: Final = 64
 
 
 def find_optimizer(optimizer: OptimizerLike) -> Optimizer:
-    """Return the optimizer of a name; return a function unchanged.
-
-    Raises:
-        InputError: If the optimizer is unknown.
-        InputTypeError: If it is neither a name nor a function.
-    """
+    """Return the optimizer of a name; return a function unchanged."""
     if isinstance(optimizer, str):
         known = optimizers()
         if optimizer not in known:
@@ -321,11 +310,7 @@ GROUP: Final = "rtamt.optimizers"
 
 
 def optimizers() -> Mapping[str, Optimizer]:
-    """Return the optimizers of this and other packages, by name.
-
-    Raises:
-        InputError: If an added optimizer is not a function, or its name is taken.
-    """
+    """Return the optimizers of this and other packages, by name."""
     added = plugins(GROUP)
     for name, optimizer in added.items():
         if name in OPTIMIZERS or not callable(optimizer):

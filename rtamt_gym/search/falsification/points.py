@@ -64,10 +64,6 @@ class Pieces:
 
     Attributes:
         dimension: The number of pieces of all inputs together.
-
-    Args:
-        groups: The coordinates of each input.
-        count: The pieces of an input, or its number of coordinates if that is smaller.
     """
 
     def __init__(self, groups: Sequence[slice], count: int) -> None:
@@ -178,12 +174,7 @@ def inputs_without_effect(
     """Return the inputs that do not change the result of a simulation at any base point.
 
     Each input is moved alone, to the farther end of its range. An input that changes the result at
-    one base point is not moved at the next.
-
-    Args:
-        groups: The coordinates of each input.
-        bases: Points of the unit cube.
-        run: Runs the points for the base point of an index, and returns their results.
+    one base point is not moved at the next. ``run`` gets the index of a base point, and its points.
 
     Example:
         >>> low, high = np.zeros(2), np.ones(2)

@@ -14,7 +14,7 @@ from rtamt import Formula, InputError, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
-from rtamt_gym.play.run import SimulatedTrace
+from rtamt_gym.play.history import SimulatedTrace
 
 __all__ = ["checked_scales", "in_scales", "spreads"]
 
@@ -24,12 +24,7 @@ def checked_scales(
 ) -> dict[str, float] | None:
     """Return the scales by the canonical texts of predicates; None if the search computes them.
 
-    Scales are computed by default if predicates read different variables, which may have different
-    units.
-
-    Raises:
-        SpecificationError: If a name is not a formula.
-        InputError: If a name is not a predicate of a requirement, or a scale is not positive.
+    It does by default if predicates read different variables, which may have different units.
     """
     predicates = _predicates(specs.values())
     if scales is None:

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
@@ -19,9 +19,9 @@ from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.play.campaign import ParallelRunner
 from rtamt_gym.play.folder import Folder
-from rtamt_gym.play.offline_runner import MakeRunner, OfflineRunner, prefers_offline
+from rtamt_gym.play.history import SimulatedTrace, Stop
+from rtamt_gym.play.offline_runner import OfflineRunner, prefers_offline
 from rtamt_gym.play.record import Record
-from rtamt_gym.play.run import SimulatedTrace
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.results.provenance import Reuse
 from rtamt_gym.results.trial import Trial
@@ -55,27 +55,15 @@ class Search:
         groups: The coordinates of each input.
         rows: The simulations so far.
         points: Their points.
-        values: Their values: the minimum robustness over the requirements, in units of the scales.
+        values: The minimum robustness of each over the requirements, in units of the scales.
         scales: The scales by the text of a predicate; None until they are computed.
         violated: The requirement that the last row violates; None without a violation.
         advance: A function that gets the number of finished simulations.
-
-    Args:
-        make: A function that returns a runner of requirements.
-        runner: The runner of the requirements; it stops at violations only.
-        space: The space of the search.
-        fixed: Values that are the same in every simulation.
-        budget: The maximum number of simulations.
-        seed: The seed of the first simulation of an environment; simulation i has ``seed + i``.
-        rng: The generator for the runs from which scales are computed.
-        scales: The scales. Default: computed from the first runs.
-        parallel: A function that returns a runner in other processes. Default: this process.
-        folder: The folder of finished simulations; `close` closes it. Default: no folder.
     """
 
     def __init__(
         self,
-        make: MakeRunner,
+        make: Callable[[Mapping[str, Specification], Stop], Runner],
         runner: Runner,
         space: Space,
         fixed: Mapping[str, float | Waveform],
@@ -108,6 +96,7 @@ class Search:
         self._scaled_names = list(self._specs)
         self._least: list[str] = []
         self._runner: Runner | OfflineRunner | ParallelRunner = runner
+        self._judge = runner.judge
         self.groups = _groups(space)
         self.rows: list[Trial] = []
         self.points: list[Floats] = []
@@ -141,7 +130,7 @@ class Search:
         self.scales = spreads(self._specs, self._traces.values())
         self._use(self.scales)
         for index, trace in self._traces.items():
-            heights = {name: self._runner.judge(name, trace) for name in self._scaled_names}
+            heights = {name: self._judge(name, trace) for name in self._scaled_names}
             self._least[index], self.values[index] = self._minimum(heights)
         self._traces.clear()
         if self._folder is not None:
@@ -204,7 +193,7 @@ class Search:
         with ExitStack() as opened:
             runner: Runner | ParallelRunner = self._unscaled
             if self._parallel is not None:
-                runner = opened.enter_context(self._parallel(self._unscaled))
+                runner = opened.enter_context(closing(self._parallel(self._unscaled)))
 
             def run(index: int, points: Sequence[Floats]) -> list[object]:
                 cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
@@ -251,22 +240,16 @@ class Search:
             self._scaled_names = list(scaled)
         every = {**self._specs, **scaled}
         complete = prefers_offline(every, self._unscaled)
+        runner = self._opened.enter_context(self._make(every, "known"))
+        self._runner, self._judge = runner, runner.judge
         if self._parallel is not None:
-            runner = self._opened.enter_context(self._make(every, "known"))
             self._runner = self._parallel(runner, offline=complete)
+            self._opened.callback(self._runner.close)
         elif complete:
-            self._runner = OfflineRunner(self._make, every)
-        else:
-            self._runner = self._make(every, "known")
-        self._opened.callback(self._runner.close)
+            self._runner = OfflineRunner(runner)
 
     def _run(self, points: Floats, level: float) -> Floats:
-        """Run points and add their rows.
-
-        Raises:
-            SearchOver: If one violates, the budget is spent, or the first eight failed in the same
-                way before sample 0.
-        """
+        """Run points and add their rows; raise `SearchOver` if the search is over."""
         begin = len(self.rows)
         points = points[: self._budget - begin]
         cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
@@ -418,15 +401,14 @@ class ValuedTrial(NamedTuple):
 
 
 class SearchFolder:
-    """The folder of a search.
+    """The folder of a search, from which it can resume.
+
+    A resumed search starts the optimizer again with the same seed and returns the stored values for
+    points that have run. The optimizer then continues as if it had never been interrupted.
 
     Attributes:
         scales: The stored scales; None if they are not known yet.
         reused: The numbers of the stored simulations that were used.
-
-    Args:
-        folder: The folder; `close` closes it.
-        optimizer: The name of the optimizer.
     """
 
     def __init__(self, folder: Folder, optimizer: str) -> None:
@@ -451,11 +433,7 @@ class SearchFolder:
             self._known.clear()
 
     def known(self, number: int, case: Case) -> ValuedTrial | None:
-        """Return the stored simulation of a number, or None.
-
-        Raises:
-            InputError: If it has another case: the optimizer requests other points than before.
-        """
+        """Return the stored simulation of a number, or None; raise InputError for another case."""
         result = self._known.get(number)
         if result is not None and result.row.case != case:
             raise InputError(

@@ -34,13 +34,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class GridValues:
-    """The multiples of a step in a range, with both ends of the range.
-
-    Attributes:
-        low: The smallest value.
-        high: The largest value.
-        step: The distance of neighbours; it is smaller at an end that is not a multiple.
-    """
+    """The multiples of a step in a range, with both ends, which may be closer to a neighbour."""
 
     low: Fraction
     high: Fraction
@@ -63,12 +57,7 @@ class GridValues:
 
 @dataclass(frozen=True)
 class FloatValues:
-    """All floats of a range, without floats closer to 0 than 1e-300, which no text can contain.
-
-    Attributes:
-        low: The smallest value.
-        high: The largest value.
-    """
+    """All floats of a range, without floats closer to 0 than 1e-300, which no text can contain."""
 
     low: float
     high: float
@@ -116,16 +105,9 @@ def _float(ordinal: int) -> float:
 
 
 def values_between(low: float, high: float, tolerance: float | None) -> Candidates:
-    """Return the candidate values of a constant: steps of a tolerance, or all floats of a range.
+    """Return the candidate values of a constant: steps of a tolerance, or all floats if it is 0.
 
-    Args:
-        low: The smallest value.
-        high: The largest value.
-        tolerance: The distance of two values; 0 for all floats. Default: the largest power of ten
-            up to a 100,000th of the range.
-
-    Raises:
-        InputError: If the tolerance is not a finite number from 0 up to the width of the range.
+    The default step is the largest power of ten up to a 100,000th of the range.
 
     Example:
         >>> [text_of(values_between(1, 200, step).at(1)) for step in (None, 0.25, 0)]
@@ -256,14 +238,7 @@ def tightest(
 
     Every trace is judged at `PROBES` values. Then each trace that does not satisfy the requirement
     at the tightest value so far is bisected. In the end all traces are judged at the resulting
-    value and at its neighbour.
-
-    Args:
-        names: The names of the traces.
-        values: The values.
-        parameter: The name of the parameter.
-        judge: Judges the trace of a number at a value.
-        advance: A function that gets the number of traces judged at all probes.
+    value and at its neighbour. ``advance`` gets the number of traces judged at all probes.
 
     Raises:
         InputError: If a trace changes its verdict more than once over the values, two traces change

@@ -272,11 +272,7 @@ def mined_over(
     *,
     shown: bool,
 ) -> Mined:
-    """Mine the parameter on traces, with notes on the traces.
-
-    Raises:
-        RtamtError: As `mine` does.
-    """
+    """Mine the parameter on traces, with notes on the traces; `mine` documents the errors."""
     values = _values(wanted, traces, tolerance)
 
     def judge(trace: int, value: Fraction) -> ValueVerdict:

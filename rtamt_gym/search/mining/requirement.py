@@ -142,11 +142,6 @@ def template(
         constants: Values of other parameters and constants.
         every: Whether the requirement has to hold at every sample, not at the first only.
         text: The displayed text of the requirement; empty for the original text.
-
-    Raises:
-        InputError: If not exactly one parameter has a range, or the range is empty.
-        InputTypeError: If an argument is not of the types above.
-        SpecificationError: If the requirement is wrong, or reads only the first sample.
     """
     if not isinstance(requirement, str | rtamt.Specification):
         raise InputTypeError(
@@ -180,13 +175,7 @@ def template(
 def check_parameter(
     requirement: str | rtamt.Specification, parameter: str, fixed: Mapping[str, object]
 ) -> None:
-    """Raise InputError for a name that is not a parameter, or a parameter without a value.
-
-    Args:
-        requirement: The requirement.
-        parameter: The name that has a range.
-        fixed: Values of other names.
-    """
+    """Raise InputError for a name that is not a parameter, or a parameter without a value."""
     marked: tuple[str, ...] = ()
     known: Mapping[str, object] = {}
     if isinstance(requirement, rtamt.Specification):

@@ -26,7 +26,8 @@ from rtamt_gym.recorded.trace import EventTrace
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
-    from rtamt_gym.play.run import Run, SimulatedTrace
+    from rtamt_gym.play.history import SimulatedTrace
+    from rtamt_gym.play.run import Run
     from rtamt_gym.results.trial import RunEnd
     from rtamt_gym.search.sweeps.sweep import Sweep
 
@@ -102,17 +103,8 @@ def samples_of(
 ) -> tuple[list[Samples], tuple[str, ...]]:
     """Return the traces, and notes on them for readers of the result.
 
-    Args:
-        traces: The traces.
-        spec: The requirement at some value of its parameter; its variables are read.
-        reading: The evaluation options. Without a period each trace has its own; without an end,
-            a run that its system ended is ``"complete"``.
-        shown: Whether to show a bar during simulations.
-
-    Raises:
-        InputError: If there is no trace, a trace cannot be read, or a sweep has no system.
-        InputTypeError: If a value is not a trace.
-        OSError: If a file does not exist.
+    Without a period each trace has its own; without an end, a run that its system ended is
+    ``"complete"``. ``shown`` is whether to show a bar during simulations.
     """
     samples: list[Samples] = []
     notes: list[str] = []

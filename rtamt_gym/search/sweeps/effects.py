@@ -72,12 +72,7 @@ class RobustnessMap:
 def map_of(
     record: Record, space: Space, x: str | None, y: str | None, requirement: str | None
 ) -> RobustnessMap:
-    """Return the map of a requirement over two columns, by default of a space with only two.
-
-    Raises:
-        InputError: If a column or requirement is unknown or must be named, or no simulation has a
-            robustness.
-    """
+    """Return the map of a requirement over two columns, by default of a space with only two."""
     name = record.name(requirement)
     x, y = two_of(space.columns, x, y)
     numbers = np.stack([record.numbers(x), record.numbers(y)], axis=1)
@@ -98,11 +93,7 @@ def map_of(
 
 
 def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the columns of a map, by default the second and the first of a space with only two.
-
-    Raises:
-        InputError: If a column is unknown or must be named.
-    """
+    """Return the columns of a map, by default the second and the first of a space with only two."""
     if x is None or y is None:
         if len(columns) != 2 or x is not y:
             raise InputError(
@@ -194,13 +185,6 @@ def indices(
     record: Record, space: Space, sampler: Sampler, seed: int, requirement: str | None = None
 ) -> Indices:
     """Return the sensitivity indices of a requirement over the record of a sweep.
-
-    Args:
-        record: The simulations, one for each point of `sample`.
-        space: The space of the sweep.
-        sampler: The sampler of the points.
-        seed: The seed of the points.
-        requirement: The name of the requirement. Default: the only one.
 
     Raises:
         InputError: If the sampler is neither Morris's nor Saltelli's, a simulation failed or was

@@ -23,7 +23,7 @@ from rtamt_gym.inputs.space import Parameter, Space
 __all__ = ["LEVELS", "SampleCount", "Sampler", "problem_of", "sample"]
 
 Sampler = Literal["grid", "sobol", "lhs", "random", "morris", "saltelli"]
-"""The way to choose the points of a sweep; `sample` describes each."""
+"""The way to choose the points of a sweep; docs/sweeps.md describes each."""
 
 SampleCount = int | Mapping[str, int]
 """The number of points; for a grid also the number of values by name."""
@@ -40,33 +40,8 @@ _MOST: Final = 10_000_000
 def sample(space: Space, samples: SampleCount, sampler: Sampler = "sobol", seed: int = 0) -> Points:
     """Return points of the unit cube of a space, shape (points, dimension).
 
-    | sampler | points | ``samples`` |
-    |---|---|---|
-    | ``"grid"`` | all combinations of evenly spaced values, the last column running fastest | the \
-values of each column, with both ends; a mapping sets the number for each name |
-    | ``"sobol"`` | a scrambled Sobol sequence, which fills the space evenly | all |
-    | ``"lhs"`` | a Latin hypercube: each column takes each of its shares once | all |
-    | ``"random"`` | independent and uniform | all |
-    | ``"morris"`` | Morris's trajectories, which change one column at a time | trajectories, each \
-of dimension + 1 points |
-    | ``"saltelli"`` | the points of Sobol's indices | a power of two; dimension + 2 times as many \
-points |
-
-    On a grid, a parameter with ``values`` always takes all of them. A seed always gives the same
+    docs/sweeps.md describes the samplers and what ``samples`` counts. A seed always gives the same
     points. With ``"sobol"``, more points start with the same points as fewer.
-
-    Raises:
-        InputError: If the number does not fit the sampler.
-        InputTypeError: If it is not a whole number.
-        ModuleNotFoundError: If SciPy or SALib, of the extra ``search``, is missing.
-
-    Example:
-        >>> from rtamt_gym.inputs.space import Space
-        >>> space = Space([Parameter("mass", 1, 2), Parameter("gear", values=(1, 2))])
-        >>> [space.case(point).columns() for point in sample(space, 3, "grid")][1:3]
-        [{'mass': 1.0, 'gear': 2.0}, {'mass': 1.5, 'gear': 1.0}]
-        >>> len(sample(space, 4, "saltelli")), len(sample(space, 4, "morris"))
-        (16, 12)
 
     Source: M. D. Morris, Technometrics 33(2), 1991; A. Saltelli et al., Computer Physics
     Communications 181(2), 2010; both as SALib makes them.

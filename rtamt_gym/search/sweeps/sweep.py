@@ -21,8 +21,9 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.play.campaign import run_campaign
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.record import Record, check_columns, read_space, written_space
-from rtamt_gym.play.run import Run, Stop
+from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Requirements, Runner
 from rtamt_gym.play.summaries import failures, record_table
 from rtamt_gym.results.provenance import reuse_lines
@@ -336,11 +337,7 @@ def _sweep_fields(space: Space, sampler: Sampler, seed: int) -> dict[str, Any]:
 
 
 def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
-    """Return the space of the sweep, with the duration of a run for its signals.
-
-    Raises:
-        InputError: If no space is passed and the system declares none.
-    """
+    """Return the space of the sweep, with the duration of a run for its signals."""
     if space is None and not runner.inputs:
         raise InputError(
             f"{runner.name} does not declare a space of parameters; ",

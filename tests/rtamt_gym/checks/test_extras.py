@@ -129,7 +129,7 @@ DRAWING = ("rtamt_gym.drawing",)
         (
             lambda: Falsification.plot(NONE, "a.png"),
             "matplotlib",
-            (*DRAWING, "rtamt_gym.play.plot"),
+            DRAWING,
             "Falsification.plot",
             "plot",
         ),

@@ -21,7 +21,7 @@ from profiles import examples
 from rtamt_gym import StlMonitor, evaluate_policy
 from rtamt_gym.__main__ import main
 from rtamt_gym.evaluation.replays import Film, Frame
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.reports.evaluations import of_evaluation
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report

@@ -11,9 +11,9 @@ from gymnasium import spaces
 from rtamt import parse
 from rtamt_gym import Runner
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.loop import PlayBatch, SideBySide, Task, play
 from rtamt_gym.play.offline_runner import OfflineRunner
-from rtamt_gym.play.run import Stop
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.policies import Model
 
@@ -128,6 +128,6 @@ def test_error_after_the_horizon_is_in_the_row() -> None:
 
     specs = {"low": parse("always[0:2](x < 1 implies eventually[0:3](x < 1))")}
     runner = Runner(plant, specs, period=1, duration=20, stop="known")
-    (first,) = OfflineRunner(lambda _specs, _stop: runner, specs).run([{"x": 0.0}])
+    (first,) = OfflineRunner(runner).run([{"x": 0.0}])
     (second,) = runner.run([{"x": 0.0}])
     assert first == second

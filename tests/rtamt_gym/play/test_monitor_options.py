@@ -7,7 +7,7 @@ import pytest
 from mujoco_models import arm
 
 from rtamt_gym import StepMonitor, simulate
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.results import Snapshot
 
 SPEC = "always(angle < 0.4 implies eventually[0:0.055](gap < 0.3))"

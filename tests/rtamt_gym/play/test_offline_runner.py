@@ -11,8 +11,8 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 import rtamt
 from rtamt import Specification, Verdict
 from rtamt_gym import Runner, Space
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.offline_runner import OfflineRunner, prefers_offline
-from rtamt_gym.play.run import Stop
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.trial import Trial
 
@@ -64,7 +64,7 @@ def test_rows_are_those_of_monitored_runs(system: str, names: list[str], count: 
         cases = [space.case(point) for point in points]
         seeds = range(count)
         expected = dict(runner.run(cases, seeds))
-        whole = OfflineRunner(make, runner.requirements)
+        whole = OfflineRunner(make(runner.requirements, "known"))
         assert prefers_offline(runner.requirements, runner)
         result = dict(whole.run(cases, seeds))
         whole.close()
@@ -107,7 +107,7 @@ def test_what_fails_or_ends_early_is_left_to_monitors() -> None:
 
     cases = [{"steps": steps} for steps in (20.0, 7.0, 6.0, 1.0, -20.0, -7.0, -6.0, -1.0)]
     specs = {"spec": rtamt.parse(TEXT)}
-    whole, monitored = OfflineRunner(make, specs), make(specs, "known")
+    whole, monitored = OfflineRunner(make(specs, "known")), make(specs, "known")
     result, expected = dict(whole.run(cases)), dict(monitored.run(cases))
     assert [result[index] for index in (2, 3, 6, 7)] == [expected[index] for index in (2, 3, 6, 7)]
     assert [result[index].error != "" for index in range(8)] == [False] * 6 + [True] * 2

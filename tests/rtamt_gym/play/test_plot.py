@@ -14,8 +14,8 @@ from matplotlib.collections import PolyCollection
 
 from rtamt import InputError, Verdict
 from rtamt_gym.drawing import check_format, save
-from rtamt_gym.play.plot import draw
-from rtamt_gym.play.run import Floats, History
+from rtamt_gym.play.history import Floats, History
+from rtamt_gym.play.run import draw
 from rtamt_gym.results import Run
 
 INF = math.inf
@@ -134,5 +134,7 @@ def test_a_name_that_says_no_format_is_refused() -> None:
 
 @pytest.mark.slow
 def test_no_window_system_is_asked_for() -> None:
-    code = "import sys, rtamt_gym.play.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys; from rtamt_gym import simulate; from rtamt_gym.play.run import draw; "
+    code += "draw([simulate([{'x': 1.0}], 'always(x > 0)')]); "
+    code += "sys.exit('matplotlib.pyplot' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -16,7 +16,7 @@ import rtamt
 from rtamt import Formula, InputError, Verdict
 from rtamt_gym import Runner, simulate
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.play.summaries import run_table
 from rtamt_gym.results import Run
 

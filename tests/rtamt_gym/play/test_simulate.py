@@ -19,7 +19,7 @@ import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
 from rtamt_gym import StepMonitor, StlMonitor, simulate
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.results import Run
 from rtamt_gym.systems.system import SystemEnd
 

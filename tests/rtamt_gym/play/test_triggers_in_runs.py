@@ -22,7 +22,7 @@ from rtamt.monitors import TriggerCount
 from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, simulate, sweep
 from rtamt_gym.judging.judge import TriggerCounter
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.results import Record, Run
 from rtamt_gym.results.outcome import Outcome
 

@@ -12,7 +12,7 @@ from profiles import examples
 from rtamt import RtamtError
 from rtamt_gym import Case, Parameter, Runner, Signal, Space, Waveform, sweep
 from rtamt_gym.inputs.case import WaveformInterpolation
-from rtamt_gym.play.run import Stop
+from rtamt_gym.play.history import Stop
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.registry import make
 

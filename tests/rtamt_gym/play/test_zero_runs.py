@@ -13,7 +13,7 @@ import pytest
 import rtamt
 from rtamt_gym import StepMonitor, simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.play.plot import draw
+from rtamt_gym.play.run import draw
 from rtamt_gym.play.summaries import run_table, runs_json
 from rtamt_gym.results import Run
 

@@ -32,8 +32,7 @@ from rtamt_gym import (
     write_report,
 )
 from rtamt_gym.__main__ import main
-from rtamt_gym.play.plot import draw
-from rtamt_gym.play.run import plain_run
+from rtamt_gym.play.run import draw, plain_run
 from rtamt_gym.play.summaries import record_table, runs_json
 from rtamt_gym.reports.episodes import episode_of_run
 from rtamt_gym.reports.figures import episode_figure

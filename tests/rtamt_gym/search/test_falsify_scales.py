@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt_gym import Parameter, falsify
-from rtamt_gym.play.run import SimulatedTrace
+from rtamt_gym.play.history import SimulatedTrace
 from rtamt_gym.search.falsification.points import Evaluate
 from rtamt_gym.search.falsification.scales import checked_scales, in_scales, spreads
 
