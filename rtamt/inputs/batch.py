@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError, name_text
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
-from rtamt.inputs.between import UncertainValue, out_of_order
+from rtamt.inputs.between import UncertainValue, halves, out_of_order
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.samples import NanPolicy, SampleReader, listed, wrong_shape
 from rtamt.program.memory import limit_episode
@@ -126,12 +126,8 @@ class BatchReader:
                 f"({self._num}, {len(names)}), with columns in the order {', '.join(names)}"
             )
         reader = SampleReader(self._program, self._nan, bounds=self._bounds)
-        uncertain = self._bounds and any(
-            isinstance(values, UncertainValue) for values in named.values()
-        )
-        halves = [_ends(named, "lower"), _ends(named, "upper")] if uncertain else [named]
         tables = []
-        for half in halves:
+        for half in halves(named) if self._bounds else [named]:
             columns, defaults = reader.lines(half)
             for name, column in columns.items():
                 if len(column) != self._num:
@@ -142,7 +138,7 @@ class BatchReader:
             columns |= {name: held(names.index(name), value) for name, value in defaults.items()}
             rows = [columns[name] for name in names]
             tables.append(np.column_stack(rows) if rows else np.empty((self._num, 0)))
-        return tables[0], tables[1] if uncertain else None
+        return tables[0], tables[1] if len(tables) > 1 else None
 
     def mask(self, mask: ArrayLike | None) -> Entries | None:
         """Return the mask as a contiguous array of booleans; None: all entries."""
@@ -246,10 +242,3 @@ class BatchReader:
             f"finish() needs at least one sample, batch entry {entry} got 0 since its reset; "
             "exclude it with a mask"
         )
-
-
-def _ends(named: Mapping[str, object], end: str) -> dict[str, object]:
-    """Return the columns with one end of each uncertain value."""
-    return {
-        name: getattr(v, end) if isinstance(v, UncertainValue) else v for name, v in named.items()
-    }

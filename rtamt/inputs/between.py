@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -87,6 +88,16 @@ class UncertainValue:
 
 UNKNOWN: Final = UncertainValue(-math.inf, math.inf)
 """A completely unknown value."""
+
+
+def halves(named: Mapping[str, object]) -> list[Mapping[str, object]]:
+    """Return columns with the smallest and the largest values; one mapping if all are known."""
+    if not any(isinstance(values, UncertainValue) for values in named.values()):
+        return [named]
+    return [
+        {n: getattr(v, end) if isinstance(v, UncertainValue) else v for n, v in named.items()}
+        for end in ("lower", "upper")
+    ]
 
 
 def identical(lower: Floats, upper: Floats) -> bool:

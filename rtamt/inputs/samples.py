@@ -28,7 +28,7 @@ from rtamt.errors import (
     no_such,
 )
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
-from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, UncertainValue
+from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, UncertainValue, halves
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.intervals import of_ends
@@ -64,8 +64,8 @@ class Rates:
     ) -> float | UncertainValue:
         if not (isinstance(value, UncertainValue) or isinstance(before, UncertainValue)):
             return 0.0 if value == before else (value - before) / self._seconds
-        low, high = _ends(value)
-        low_before, high_before = _ends(before)
+        low, high = ends_of(value)
+        low_before, high_before = ends_of(before)
         lower = (low - high_before) / self._seconds
         upper = (high - low_before) / self._seconds
         if lower != lower or upper != upper:  # noqa: PLR0124 - nan
@@ -111,12 +111,6 @@ class Rates:
                 ends[absent] = unknown
                 rates.append(np.where(known, exact, np.concatenate([exact[:1], ends])))
         return low_rates, high_rates
-
-
-def _ends(value: float | UncertainValue) -> tuple[float, float]:
-    if isinstance(value, UncertainValue):
-        return cast("tuple[float, float]", (value.lower, value.upper))
-    return value, value
 
 
 NanPolicy = Literal["raise", "hold", "unknown"]
@@ -427,19 +421,11 @@ class SampleReader:
         If all values are known, both are one list, and every nan is still in it. It raises the
         errors of `columns` and, for uncertain values, of `without_nan`.
         """
-        halves: list[TraceColumns] = [data]
         if self.nan != "unknown" and (plain := self._plain(data, n, extra=extra)):
             joined = plain + self.rates.of_columns(plain, ())
             return joined, joined, len(plain[0])
-        if isinstance(data, Mapping) and any(isinstance(v, UncertainValue) for v in data.values()):
-            halves = [
-                {
-                    k: getattr(v, end) if isinstance(v, UncertainValue) else v
-                    for k, v in data.items()
-                }
-                for end in ("lower", "upper")
-            ]
-        blocks = [self.columns(half, n=n, extra=extra) for half in halves]
+        both: Sequence[TraceColumns] = halves(data) if isinstance(data, Mapping) else [data]
+        blocks = [self.columns(half, n=n, extra=extra) for half in both]
         (joined, length), count, separate = blocks[0], len(self.variables), len(blocks) > 1
         lower, upper = joined[:count], blocks[-1][0][:count]
         if self.nan != "unknown" and separate:

@@ -31,7 +31,6 @@ from rtamt.machines.dense.rows import (
     RegionRows,
     TraceValues,
     rows_of,
-    terms_of,
     together,
     values_between,
 )
@@ -269,14 +268,13 @@ class PythonDenseEpisodeMachine(EventMachine[RegionRows]):
     def _rows(self, begin: int, end: int, dated: Dated) -> list[RegionRows]:
         """Return the terms at all new times for each of the registers; changes nothing."""
         trace = TraceValues(begin, end, *together(self._waiting, begin, end), dated)
-        terms = terms_of(self._programs, self._find, self.reader, trace)
-        if self._greatest and len(terms) == len(self._readings):
-            terms.append(terms[-1])
+        rows = rows_of(self._program.program, trace, self.reader, self._find)
+        if self._greatest and len(rows) == len(self._readings):
+            rows.append(rows[-1])
         length = end - begin + self._program.reach
         if length >= MAX_TICKS:
             self.reader.refuse_length(length)
-        positions = 2 * (trace.ticks - begin)
-        return [RegionRows(positions, columns) for columns in terms]
+        return rows
 
     def _twin(self) -> RegionRegisters:
         return self._make(place(self._programs[-1]))

@@ -282,12 +282,35 @@ def values_between(
     return TraceValues(begin, last, ticks, values, dated)
 
 
+class _Refusal(NamedTuple):
+    """Raises the errors of terms at the ticks of a trace."""
+
+    reader: EventReader
+    trace: TraceValues
+
+    def refuse_between(
+        self, lower: Iterable[float], upper: Iterable[float], sample: int
+    ) -> NoReturn:
+        values = [in_between(*ends) for ends in zip(lower, upper, strict=True)]
+        self.reader.refuse(values, (int(self.trace.ticks[sample]), self.trace.dated))
+
+
 def rows_of(
     program: Program, trace: TraceValues, reader: EventReader, find: FindRanges
 ) -> list[RegionRows]:
-    """Return the terms of a program over a trace; see `terms_of`."""
+    """Return the smallest terms of the variants of a program over a trace.
+
+    With uncertain values the largest terms of the last variant follow.
+    """
+    lower = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 0]) for v in trace.values]
+    upper = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 1]) for v in trace.values]
+    refusal, n = _Refusal(reader, trace), len(trace.ticks)
+    programs = variants_of(program)
+    bounds = [find(p, refusal, range(p.terms), lower, upper, n) for p in programs]
+    tables = [least for least, _ in bounds]
+    if any(not_known(values).any() for values in trace.values):
+        tables.append(bounds[-1][1])
     positions = 2 * (trace.ticks - trace.begin)
-    tables = terms_of(variants_of(program), find, reader, trace)
     return [RegionRows(positions, table) for table in tables]
 
 
@@ -306,28 +329,3 @@ def unknown_of(given: Sequence[Given], reader: EventReader) -> tuple[str, ...]:
         if not_known(values[first - 1 : after]).any():
             names.append(name)
     return tuple(names)
-
-
-class _Refusal(NamedTuple):
-    """Raises the errors of terms at the ticks of a trace."""
-
-    reader: EventReader
-    trace: TraceValues
-
-    def refuse_between(
-        self, lower: Iterable[float], upper: Iterable[float], sample: int
-    ) -> NoReturn:
-        values = [in_between(*ends) for ends in zip(lower, upper, strict=True)]
-        self.reader.refuse(values, (int(self.trace.ticks[sample]), self.trace.dated))
-
-
-def terms_of(
-    programs: Sequence[Program], find: FindRanges, reader: EventReader, trace: TraceValues
-) -> list[list[Floats]]:
-    """Return the smallest terms of programs and, with uncertain values, the largest of the last."""
-    lower = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 0]) for v in trace.values]
-    upper = [v if v.ndim == 1 else np.ascontiguousarray(v[:, 1]) for v in trace.values]
-    refusal, n = _Refusal(reader, trace), len(trace.ticks)
-    bounds = [find(p, refusal, range(p.terms), lower, upper, n) for p in programs]
-    uncertain = any(not_known(values).any() for values in trace.values)
-    return [least for least, _ in bounds] + [bounds[-1][1]] * uncertain

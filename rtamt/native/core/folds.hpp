@@ -65,15 +65,10 @@ struct Ahead : Paired<Lower, Upper, Sign> {
 
 template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
 struct Back : Paired<Lower, Upper, Sign> {
+    using Mirror = Ahead<Lower, Upper, Sign>;
     static constexpr Kind kind = Kind::back;
-    template <auto lower, auto upper>
-    static Pair combined(Pair x, Pair y) {
-        return {lower(x.p, y.p), upper(y.q, lower(y.p, x.q))};
-    }
-    static Pair combine(Pair x, Pair y) { return combined<Lower, Upper>(x, y); }
-    static Pair combine_alone(Pair x, Pair y) {
-        return combined<kAlone<Lower>, kAlone<Upper>>(x, y);
-    }
+    static Pair combine(Pair x, Pair y) { return Mirror::combine(y, x); }
+    static Pair combine_alone(Pair x, Pair y) { return Mirror::combine_alone(y, x); }
 };
 
 using Min = Single<lesser, 1>;

@@ -32,6 +32,7 @@ struct RegionTrace {
     Time t = -1;               // the last position that was seen
     Time before = -1;          // and the one before this update
     std::uint64_t update = 2;  // what was found in the update before may be kept
+    bool whole = false;        // all is open from position 0 on, as nothing settles
     FoldMemory memory;
     mutable std::vector<double> scratch;
 
@@ -122,7 +123,15 @@ public:
     // The runs of a world from a position on, in memory of the caller if they are not together.
     RunsView seen(std::size_t world, Time begin, Runs& memory) {
         const Runs& open = this->open(world);
-        if (begin > last_) return open.view().clipped(begin);
+        const Time from = differs_[world];
+        if (begin > last_ && begin >= from) return open.view().clipped(begin);
+        if (begin > last_) {
+            const Runs& now = this->open(Regions::now);
+            memory.clear();
+            memory.append(now.view().clipped(begin, from - 1));
+            memory.append(open.view().clipped(from));
+            return memory.view();
+        }
         memory.clear();
         const RunsView kept = kept_.view().clipped(begin);
         for (std::size_t i = 0; i < kept.size(); ++i) {
@@ -132,6 +141,10 @@ public:
         memory.append(open.view());
         return memory.view();
     }
+
+    // States from where on open runs differ from those of `now`, so that only these are written.
+    void differ(std::size_t world, Time from) { differs_[world] = from; }
+    Time differs(std::size_t world) const { return differs_[world]; }
 
     virtual void reset() {
         last_ = -1;
@@ -176,7 +189,7 @@ private:
         seen_at_[world] = trace_.update;
         Runs& runs = open_[world];
         const Time begin = last_ + 1;
-        if (flat_[world]) {
+        if (flat_[world] && !trace_.whole) {
             runs.clear();
             runs.add(begin, Pair{0.0, *flat_[world]});
             changed_in_[world] = kept ? changed_ : 0;
@@ -189,13 +202,14 @@ private:
             runs.cut(from);
             runs.drop(runs.view().place(begin));
         }
-        write_open(world, std::max(from, begin), trace_.t, runs);
+        write_open(world, std::max({from, begin, differs_[world]}), trace_.t, runs);
         changed_in_[world] = from;
     }
 
     std::array<Runs, kWorlds> open_;
     std::array<std::uint64_t, kWorlds> seen_at_{};
     std::array<Time, kWorlds> changed_in_{};
+    std::array<Time, kWorlds> differs_{};
     Time keep_ = 1;
 };
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -250,7 +251,7 @@ public:
           hi_(*row.hi),
           none_(trace.corners, fold.identity()) {
         operands_.hold(late(), lo_);
-        if (operands_.single() && trace.axes == 0) stairs_.emplace(fold);
+        if (operands_.single() && trace.axes == 0 && !trace.whole) stairs_.emplace(fold);
         for (std::size_t world = 0; world < kWorlds; ++world) {
             const bool stops = reading_.stops(world);
             as_now_[world] =
@@ -335,7 +336,8 @@ protected:
             const Time recorded = t - reading_.begin;
             if (begin <= recorded)
                 slide(operands_.fold, elements, lo_, hi_, begin, recorded, trace_.memory, found);
-            found.append(open(world - 2).view().clipped(std::max(begin, recorded + 1)));
+            Runs memory;
+            found.append(seen(world - 2, std::max(begin, recorded + 1), memory));
         } else {
             slide(operands_.fold, elements, lo_, hi_, begin, kEver, trace_.memory, found);
         }
@@ -393,6 +395,7 @@ protected:
         scan(total_, operands_.settled(begin + hi_, end + hi_, trace_.corners), begin, kept_);
     }
     void write_open(std::size_t world, Time begin, Time, Runs& found) override {
+        if (trace_.whole) begin = 0;
         open_total_.assign(1, trace_.pair_in_world(world, total_.data()));
         scan(open_total_, operands_.seen(world, begin + hi_), begin, found);
     }
@@ -473,6 +476,16 @@ private:
     std::vector<double> value_;
     Runs new_;
 };
+
+// Makes the stream of a row; the axis is of its unknown, if it never settles.
+inline std::unique_ptr<RegionStream> stream_of(RegionTrace& trace, const FormulaRow& row,
+                                               RegionFold fold, RegionStream& a, RegionStream& b,
+                                               std::size_t axis) {
+    if (row.kind == "MAP") return std::make_unique<Pointwise>(trace, fold, a, b);
+    if (!row.hi) return std::make_unique<RegionFuture>(trace, row, fold, a, b, axis);
+    if (!row.lo) return std::make_unique<UnboundedPast>(trace, row, fold, a, b);
+    return std::make_unique<Sliding>(trace, row, fold, a, b);
+}
 
 // The fold over positions lo to hi, which is read at position 0 alone.
 class AtBegin {

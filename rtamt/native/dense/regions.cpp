@@ -125,19 +125,12 @@ void Regions::make_streams(const std::vector<std::size_t>& streams,
         const FormulaRow& row = rows_[reg - terms_];
         const RegionFold fold = fold_of_[reg - terms_];
         RegionStream &a = *made_[row.a], &b = *made_[row.b];
-        if (row.kind == "MAP") {
-            made = std::make_unique<Pointwise>(*trace_, fold, a, b);
-        } else if (!row.hi) {
-            const auto axis = std::find(unknowns.begin(), unknowns.end(), reg) - unknowns.begin();
-            require(static_cast<std::size_t>(axis) < unknowns.size());
-            made = std::make_unique<RegionFuture>(*trace_, row, fold, a, b,
-                                                  static_cast<std::size_t>(axis));
-            future = static_cast<RegionFuture*>(made.get());
-        } else if (!row.lo) {
-            made = std::make_unique<UnboundedPast>(*trace_, row, fold, a, b);
-        } else {
-            made = std::make_unique<Sliding>(*trace_, row, fold, a, b);
-        }
+        const auto axis = static_cast<std::size_t>(
+            std::find(unknowns.begin(), unknowns.end(), reg) - unknowns.begin());
+        const bool settles = row.kind == "MAP" || row.hi;
+        require(settles || axis < unknowns.size());
+        made = stream_of(*trace_, row, fold, a, b, axis);
+        if (!settles) future = static_cast<RegionFuture*>(made.get());
         streams_.push_back({reg, made.get(), leaf, future});
     }
 }

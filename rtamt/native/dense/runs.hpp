@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/folds.hpp"
@@ -28,15 +29,9 @@ struct RegionFold {
     }
     double upper(double x, double y) const { return least ? lesser(x, y) : greater(x, y); }
     Pair combine(Pair x, Pair y) const {
-        switch (kind) {
-            case Kind::ahead:
-                return {lower(x.p, y.p), upper(x.q, lower(x.p, y.q))};
-            case Kind::back:
-                return {lower(x.p, y.p), upper(y.q, lower(y.p, x.q))};
-            case Kind::single:
-                break;
-        }
-        return {0.0, upper(x.q, y.q)};
+        if (kind == Kind::single) return {0.0, upper(x.q, y.q)};
+        if (kind == Kind::back) std::swap(x, y);
+        return {lower(x.p, y.p), upper(x.q, lower(x.p, y.q))};
     }
     double empty() const { return least ? kInfinity : -kInfinity; }
     Pair identity() const { return {kind == Kind::single ? 0.0 : -empty(), empty()}; }

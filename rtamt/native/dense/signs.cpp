@@ -4,108 +4,110 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "core/columns.hpp"
 #include "dense/region_windows.hpp"
 
 namespace rtamt::dense {
 
+// A term on a whole trace, of which nothing settles.
+class Signs::Term final : public RegionStream {
+public:
+    Term(RegionTrace& trace, std::size_t reg, const DenseRow& row, bool numbers)
+        : RegionStream(trace, 0), reg_(reg), constant_(row.kind == "CONST"), numbers_(numbers) {}
+
+    // Takes the values at new times of a trace from a time on.
+    void take(const Sampler& sampler, Time begin) {
+        const double* values = sampler.column(reg_);
+        double last = kept_.empty() ? std::nan("") : kept_.at(kept_.size() - 1)->q;
+        for (std::size_t i = 0; i < sampler.size(); ++i) {
+            const double sign = negative(values[i]) ? -kInfinity : kInfinity;
+            const double value = numbers_ ? values[i] : sign;
+            if (same(value, last)) continue;
+            last = value;
+            kept_.add(2 * (std::max(sampler.times()[i], begin) - begin), Pair{0.0, value});
+        }
+    }
+
+protected:
+    void settle_runs(Time, Time) override {}
+    void write_open(std::size_t world, Time begin, Time t, Runs& found) override {
+        const bool best = world == Regions::upper || world == Regions::cut_upper;
+        if (begin == 0 || constant_) found = kept_;
+        if (!constant_) found.push(t + 1, best ? kInfinity : -kInfinity);
+    }
+
+private:
+    std::size_t reg_;
+    bool constant_;
+    bool numbers_;
+};
+
+namespace {
+
+const std::vector<DenseRow>& checked(const std::vector<DenseRow>& terms, std::size_t variables) {
+    for (std::size_t i = 0; i < terms.size(); ++i) require(is_term(terms[i], i, variables));
+    return terms;
+}
+
+}  // namespace
+
 Signs::Signs(const std::vector<DenseRow>& terms, std::size_t variables,
              const std::vector<FormulaRow>& rows, std::size_t result, End end, bool numbers)
     : variables_(variables),
-      loads_(terms.size()),
-      constants_(terms.size()),
       rows_(rows),
       result_(result),
       end_(end),
       numbers_(numbers),
-      found_(terms.size() + rows.size()),
-      settled_(found_.size()) {
-    require(result < found_.size());
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-        const DenseRow& row = terms[i];
-        require(is_term(row, i, variables));
-        if (row.kind == "LOAD") {
-            loads_[i] = row.a;
-        } else if (row.kind == "CONST") {
-            constants_[i] = row.value;
-        } else {
-            operations_.push_back({function_named(row.name), i, row.a, row.b});
-        }
-    }
-    std::vector<bool> operand(found_.size());
-    operand[result] = true;
+      trace_(std::make_unique<RegionTrace>()),
+      sampler_(std::make_unique<Sampler>(checked(terms, variables), terms.size(),
+                                         std::vector<double>(std::max<std::size_t>(1, variables),
+                                                             std::nan("")))) {
+    const std::size_t registers = terms.size() + rows.size();
+    require(result < registers);
     require_rows(rows, terms.size());
-    for (const FormulaRow& row : rows) {
-        require(row.hi || row.lo == std::optional<Time>(0) || row.kind == "MAP");
-        folds_.push_back(fold_named(row.name));
-        operand[row.a] = operand[row.b] = true;
-        ahead_ |= row.kind == "WINDOW" && (!row.hi || *row.hi > 0);
+    trace_->whole = true;
+    trace_->unknowns.resize(1);  // which nothing reads
+    streams_.resize(registers);
+    std::vector<bool> read(registers);
+    read[result] = true;
+    for (const FormulaRow& row : rows) read[row.a] = read[row.b] = true;
+    for (std::size_t reg = 0; reg < terms.size(); ++reg) {
+        if (!read[reg]) continue;
+        auto term = std::make_unique<Term>(*trace_, reg, terms[reg], numbers);
+        read_.push_back(term.get());
+        streams_[reg] = std::move(term);
     }
-    for (std::size_t reg = 0; reg < terms.size(); ++reg)
-        if (operand[reg] && !constants_[reg]) read_.push_back(reg);
-    seen_.resize(read_.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const FormulaRow& row = rows[i];
+        require(row.hi || row.lo == std::optional<Time>(0) || row.kind == "MAP");
+        ahead_ |= row.kind == "WINDOW" && (!row.hi || *row.hi > 0);
+        streams_[terms.size() + i] = stream_of(*trace_, row, fold_named(row.name),
+                                               *streams_[row.a], *streams_[row.b], 0);
+    }
 }
 
 bool Signs::read(const Events* events, Time begin, Time last) {
-    t_ = 2 * (last - begin);
-    for (std::size_t world = 0; world < Regions::worlds; ++world) settle(world);
-    std::vector<std::size_t> at(variables_);
+    trace_->t = 2 * (last - begin);
+    for (std::size_t world = Regions::now + 1; numbers_ && world < Regions::worlds; ++world)
+        settle(world);
+    std::vector<Events> inside;  // and the last events at the begin or before
     for (std::size_t v = 0; v < variables_; ++v) {
         const Events& e = events[v];
-        const auto after = std::upper_bound(e.times, e.times + e.size, begin) - e.times;
-        if (after == 0) throw std::invalid_argument("expected an event at the begin of the trace");
-        at[v] = static_cast<std::size_t>(after) - 1;
+        const Time* const end = std::upper_bound(e.times, e.times + e.size, last);
+        const Time* const after = std::upper_bound(e.times, end, begin);
+        if (after == e.times)
+            throw std::invalid_argument("expected an event at the begin of the trace");
+        inside.push_back({after - 1, e.values + (after - 1 - e.times),
+                          static_cast<std::size_t>(end - after + 1)});
     }
-    const std::size_t terms = loads_.size();
-    std::vector<double> memory((variables_ + terms) * kBlock);
-    std::vector<const double*> sources(terms);
-    for (std::size_t i = 0; i < terms; ++i) {
-        double* own = memory.data() + (variables_ + i) * kBlock;
-        if (constants_[i]) std::fill_n(own, kBlock, *constants_[i]);
-        sources[i] = loads_[i] ? memory.data() + *loads_[i] * kBlock : own;
-    }
-    std::vector<Time> steps(variables_ == 1 ? 0 : kBlock);
-    for (Time now = begin; now <= last;) {
-        std::size_t n = 0;
-        const Time* times = steps.data();
-        if (variables_ == 1) {  // its events are the steps
-            const Events& e = events[0];
-            times = e.times + at[0];
-            for (std::size_t i = 0; i < terms; ++i)
-                if (loads_[i]) sources[i] = e.values + at[0];
-            const std::size_t most = std::min(e.size - at[0], kBlock);
-            n = static_cast<std::size_t>(std::upper_bound(times, times + most, last) - times);
-            at[0] += n;
-            now = at[0] < e.size ? e.times[at[0]] : kAfter;
-        }
-        for (; variables_ != 1 && n < kBlock && now <= last; ++n) {
-            steps[n] = now;
-            Time next = kAfter;
-            for (std::size_t v = 0; v < variables_; ++v) {
-                const Events& e = events[v];
-                memory[v * kBlock + n] = e.values[at[v]];
-                if (at[v] + 1 < e.size) next = std::min(next, e.times[at[v] + 1]);
-            }
-            for (std::size_t v = 0; v < variables_; ++v)
-                at[v] += at[v] + 1 < events[v].size && events[v].times[at[v] + 1] == next;
-            now = next;
-        }
-        for (const Operation& op : operations_) {
-            double* out = memory.data() + (variables_ + op.out) * kBlock;
-            op.function(sources[op.a], sources[op.b], out, n);
-            if (columns::first_nan(out, n) < n) return false;
-        }
-        for (std::size_t r = 0; r < read_.size(); ++r) {
-            Runs& seen = seen_[r];
-            const double* values = sources[read_[r]];
-            double last = seen.empty() ? std::nan("") : seen.at(seen.size() - 1)->q;
-            for (std::size_t i = 0; i < n; ++i) {
-                const double value = kept(values[i]);
-                if (same(value, last)) continue;
-                last = value;
-                const Time step = std::max(times[i], begin);
-                seen.add(2 * (step - begin), Pair{0.0, value});
-            }
+    const double zero = 0.0;
+    if (inside.empty()) inside.push_back({&begin, &zero, 1});  // which no term reads
+    Parts parts(inside.data(), inside.size());
+    while (const Events* part = parts.next()) {
+        sampler_->extend(part);
+        while (sampler_->read(last)) {
+            if (!sampler_->evaluate()) return false;
+            for (Term* term : read_) term->take(*sampler_, begin);
+            sampler_->consume();
         }
     }
     return true;
@@ -117,130 +119,40 @@ std::size_t Signs::world(bool best) const {
     return best ? Regions::upper : Regions::lower;
 }
 
-// Finds from where on registers differ from the world `now`: where they read what is not recorded.
+// Registers differ from the world `now` where they read what is not recorded.
 void Signs::settle(std::size_t world) {
-    const std::size_t terms = constants_.size();
-    for (std::size_t reg = 0; reg < found_.size(); ++reg) {
-        Time& settled = settled_[reg][world];
-        settled = world == Regions::now || !numbers_ ? 0 : t_ + 1;
-        if (reg < terms || settled == 0) continue;
-        const FormulaRow& row = rows_[reg - terms];
-        const Time inner = std::min(settled_[row.a][world], settled_[row.b][world]);
-        const Reading reading(row, folds_[reg - terms]);
+    const Time t = trace_->t;
+    for (Term* term : read_) term->differ(world, t + 1);
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+        const FormulaRow& row = rows_[i];
+        const Reading reading(row, fold_named(row.name));
+        const Time inner =
+            std::min(streams_[row.a]->differs(world), streams_[row.b]->differs(world));
+        Time from = t + 1;
         if (row.kind == "MAP") {
-            settled = inner;
+            from = inner;
         } else if (!row.hi) {
-            if (!is_cut(world) || inner <= t_) settled = 0;
+            if (!is_cut(world) || inner <= t) from = 0;
         } else {
-            settled = std::min(settled, std::max<Time>(0, inner - *row.hi));
+            from = std::min(from, std::max<Time>(0, inner - *row.hi));
             if (reading.endless && is_cut(world))
-                settled = std::min(settled, std::max<Time>(0, t_ - reading.begin + 1));
+                from = std::min(from, std::max<Time>(0, t - reading.begin + 1));
         }
+        streams_[streams_.size() - rows_.size() + i]->differ(world, from);
     }
 }
 
-const Runs& Signs::runs(std::size_t reg, std::size_t world) {
-    std::optional<Runs>& found = found_[reg][world];
-    if (found) return *found;
-    const std::size_t terms = constants_.size();
-    const Time begin = settled_[reg][world];
-    if (reg >= terms) {
-        found = windowed(reg, world, begin);
-    } else if (constants_[reg]) {
-        found.emplace().add(begin, Pair{0.0, kept(*constants_[reg])});
-    } else {
-        const auto place = std::find(read_.begin(), read_.end(), reg) - read_.begin();
-        if (begin == 0)
-            found = seen_[static_cast<std::size_t>(place)];
-        else
-            found.emplace();
-        const bool best = world == Regions::upper || world == Regions::cut_upper;
-        const Pair unseen{0.0, best ? kInfinity : -kInfinity};
-        found->push(t_ + 1, &unseen);
-    }
-    return *found;
-}
-
-RunsView Signs::from(std::size_t reg, std::size_t world, Time begin, Runs& memory) {
-    const Time settled = settled_[reg][world];
-    if (begin >= settled) return runs(reg, world).view().clipped(begin);
-    memory.append(runs(reg, Regions::now).view().clipped(begin, settled - 1));
-    memory.append(runs(reg, world).view());
-    return memory.view();
-}
-
-Runs Signs::windowed(std::size_t reg, std::size_t world, Time begin) {
-    const std::size_t i = reg - constants_.size();
-    const FormulaRow& row = rows_[i];
-    const RegionFold fold = folds_[i];
-    Runs memory[2], pairs, read, found;
-    if (row.kind == "MAP") {
-        join(from(row.a, world, begin, memory[0]), from(row.b, world, begin, memory[1]), begin,
-             pairs);
-        for (std::size_t k = 0; k < pairs.size(); ++k)
-            found.push(pairs.start(k), fold.upper(pairs.at(k)->p, pairs.at(k)->q));
-        return found;
-    }
-    const Time lo = row.lo.value_or(0), hi = row.hi.value_or(0);
-    const Time first = row.lo ? std::max<Time>(0, begin + lo) : 0;
-    RunsView elements = from(row.b, world, first, memory[1]);
-    if (fold.kind != Kind::single) {
-        join(from(row.a, world, first, memory[0]), elements, first, pairs);
-        pair_up(fold, pairs.view(), {}, read);
-        elements = read.view();
-    }
-    FoldMemory folding;
-    if (!row.lo) {
-        Pair total = fold.identity();
-        if (elements.start(0) - hi > 0) found.push(0, &total);
-        for (std::size_t k = 0; k < elements.size(); ++k) {
-            total = fold.combine(total, *elements.at(k));
-            found.push(elements.start(k) - hi, &total);
-        }
-        if (begin == 0) return found;
-        Runs later;
-        later.append(found.view().clipped(begin));
-        return later;
-    }
-    const Reading reading(row, fold);
-    const bool stops = reading.stops(world);
-    const Time after = std::max(begin, t_ + 1);  // the first position behind the trace
-    if (!row.hi) {
-        const Time end = is_cut(world) || stops ? t_ : kEver;
-        if (begin <= end)
-            fold_suffixes(fold, elements.clipped(begin, end), 0, {fold.identity()}, folding, found);
-        if (is_cut(world))
-            found.append(windowed(reg, world - 2, after).view());
-        else if (stops)
-            write_own(found, fold, 0, elements, after);
-        return found;
-    }
-    if (stops) {
-        if (begin <= t_) {
-            Runs known;
-            if (first <= t_) {
-                const RunsView seen = elements.clipped(first, t_);
-                for (std::size_t k = 0; k < seen.size(); ++k) known.add(seen.start(k), seen.at(k));
-            }
-            known.add(std::max(t_ + 1, first), fold.identity());
-            slide(fold, known.view(), lo, hi, begin, t_, folding, found);
-        }
-        write_own(found, fold, lo, elements, after);
-        return found;
-    }
-    const bool cut = reading.endless && is_cut(world);
-    const Time recorded = cut ? t_ - reading.begin : kEver;
-    if (recorded >= begin) slide(fold, elements, lo, hi, begin, recorded, folding, found);
-    if (cut) found.append(windowed(reg, world - 2, std::max(begin, recorded + 1)).view());
-    return found;
+RunsView Signs::result(std::size_t world) {
+    RegionStream& result = *streams_[result_];
+    return result.open(world).view().clipped(result.differs(world));
 }
 
 Signs::Spans Signs::parts(std::size_t world, bool negative) {
     Spans found;
-    const Runs& runs = this->runs(result_, world);
-    for (std::size_t i = 0; i < runs.size() && runs.start(i) <= t_; ++i) {
+    const Runs& runs = streams_[result_]->open(world);
+    for (std::size_t i = 0; i < runs.size() && runs.start(i) <= trace_->t; ++i) {
         if (std::signbit(runs.at(i)->q) != negative) continue;
-        const Time end = i + 1 < runs.size() ? std::min(runs.start(i + 1) - 1, t_) : t_;
+        const Time end = i + 1 < runs.size() ? std::min(runs.start(i + 1) - 1, trace_->t) : trace_->t;
         found.emplace_back(runs.start(i), end);
     }
     return found;
@@ -277,7 +189,7 @@ Signs::Count Signs::fails_at(const Spans& spans) {
 bool Signs::holds_at(const Spans& spans) {
     Time needed = 0;
     for (const auto& [first, last] : spans) {
-        if (last > t_) return false;
+        if (last > trace_->t) return false;
         needed += last - first + 1;
     }
     common(parts(world(false), false), spans,

@@ -6,14 +6,13 @@
 // changes. The same passes compute the numbers themselves for callers that need them.
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <optional>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "core/order.hpp"
-#include "dense/regions.hpp"
+#include "dense/region_streams.hpp"
 #include "dense/sampler.hpp"
 
 namespace rtamt::dense {
@@ -42,47 +41,27 @@ public:
     // Whether it holds for certain at all of some positions.
     bool holds_at(const Spans& spans);
     // The result in a world from the first position on where it may differ from the world `now`, on
-    // the trace and after it; the last run lasts for ever. Of signs, from the first position on.
-    const Runs& result(std::size_t world) { return runs(result_, world); }
+    // the trace and after it; the last run lasts for ever.
+    RunsView result(std::size_t world);
 
 private:
-    // A number, or its sign.
-    double kept(double number) const {
-        return numbers_ ? number : negative(number) ? -kInfinity : kInfinity;
-    }
-    std::size_t world(bool best) const;
+    class Term;
+
     void settle(std::size_t world);
-    const Runs& runs(std::size_t reg, std::size_t world);
-    // The runs of a register from a position on, which lie in the memory if they are put together.
-    RunsView from(std::size_t reg, std::size_t world, Time begin, Runs& memory);
-    Runs windowed(std::size_t reg, std::size_t world, Time begin);
+    std::size_t world(bool best) const;
     // The parts of the trace in which the result has one sign in a world.
     Spans parts(std::size_t world, bool negative);
 
-    struct Operation {
-        Function function;
-        std::size_t out;
-        std::size_t a;
-        std::size_t b;
-    };
-
     std::size_t variables_;
-    std::vector<std::optional<std::size_t>> loads_;  // of the terms: the variables
-    std::vector<std::optional<double>> constants_;   // of the terms
-    std::vector<Operation> operations_;
     std::vector<FormulaRow> rows_;
-    std::vector<RegionFold> folds_;  // of the rows
-    std::vector<std::size_t> read_;  // terms that formulas read
-    std::vector<Runs> seen_;         // of those
     std::size_t result_;
     End end_;
     bool numbers_;
     bool ahead_ = false;
-    Time t_ = 0;                                                           // the last position
-    std::vector<std::array<std::optional<Runs>, Regions::worlds>> found_;  // by register
-    // The first position at which a register may differ from the world `now`. Signs are read in one
-    // world alone, and are computed there from the first position on.
-    std::vector<std::array<Time, Regions::worlds>> settled_;
+    std::unique_ptr<RegionTrace> trace_;
+    std::unique_ptr<Sampler> sampler_;
+    std::vector<Term*> read_;                             // terms that formulas read
+    std::vector<std::unique_ptr<RegionStream>> streams_;  // by register; null: nobody reads it
 };
 
 }  // namespace rtamt::dense

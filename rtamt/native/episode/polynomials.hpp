@@ -13,9 +13,9 @@
 
 namespace rtamt {
 
-// A queue of numbers that are always contiguous. Grows with what it holds, so that a long window costs nothing before it is full, and by doubling,
-// so that a full one allocates nothing: when the numbers reach the end of the memory, they move to
-// its front.
+// A queue of numbers that are always contiguous. It grows with what it holds, so that a long window
+// costs nothing before it is full, and by doubling, so that a full one allocates nothing: when the
+// numbers reach the end of the memory, they move to its front.
 class Line {
 public:
     std::size_t size() const { return end_ - begin_; }

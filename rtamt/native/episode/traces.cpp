@@ -98,7 +98,8 @@ private:
         return n > 0;
     }
 
-    static constexpr std::size_t kBlock = 512;  // samples that stay in the cache
+    // Samples that stay in the cache; columns at a power of two from each other would not.
+    static constexpr std::size_t kBlock = 520;
 
     std::unique_ptr<DiscreteMachine> program_;
     std::unique_ptr<RegisterColumns> terms_;

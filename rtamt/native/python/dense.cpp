@@ -333,7 +333,7 @@ bool holds_at(Signs& signs, const nb::sequence& instants) {
 nb::tuple result_in(Signs& signs, std::size_t world) {
     static const NewArray times("int64"), numbers("float64");
     if (world >= Regions::worlds) throw nb::value_error("expected a world, 0 to 4");
-    const dense::RunsView runs = signs.result(world).view();
+    const dense::RunsView runs = signs.result(world);
     return nb::make_tuple(
         times.make<Time>(runs.size(), [&](std::size_t i) { return runs.start(i); }),
         numbers.make<double>(runs.size(), [&](std::size_t i) { return runs.at(i)->q; }));

@@ -5,15 +5,13 @@ from __future__ import annotations
 import fractions
 import gc
 import math
-import pickle
 import sys
-import threading
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 import pytest
 
-from rtamt import Monitor, StateError
+from rtamt import Monitor
 from rtamt.program.encoding import encoded_discrete
 
 if TYPE_CHECKING:
@@ -22,10 +20,6 @@ if TYPE_CHECKING:
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 SPEC = "always[0:3](speed + 2 * gap > 1)"
-RUNNING = (
-    "the monitor is running in another thread; wait until that call returns, "
-    "or make a monitor for each thread"
-)
 
 
 def monitor(spec: str = SPEC, nan: Literal["raise", "hold"] = "raise") -> Monitor:
@@ -34,19 +28,6 @@ def monitor(spec: str = SPEC, nan: Literal["raise", "hold"] = "raise") -> Monito
 
 def machine(spec: str = SPEC) -> DiscreteMachine:
     return cast("DiscreteMachine", monitor(spec)._machine)
-
-
-@pytest.mark.filterwarnings("ignore:nanobind. attempted to access an uninitialized instance")
-def test_an_object_that_was_not_made_is_refused() -> None:
-    unmade = native.DiscreteMachine.__new__(native.DiscreteMachine)
-    with pytest.raises(TypeError, match=r"^the machine was not made: __init__ was not called$"):
-        unmade.update(1.0)
-    with pytest.raises(TypeError):
-        unmade.samples  # noqa: B018
-    with pytest.raises(TypeError):
-        unmade.state()
-    del unmade
-    gc.collect()
 
 
 def test_update_of_another_type_is_refused() -> None:
@@ -191,83 +172,3 @@ def test_a_bound_update_keeps_its_machine() -> None:
     update = machine().update
     gc.collect()
     assert math.isnan(update(1.0, 1.0))
-
-
-# Snapshots. --------------------------------------------------------------------------------------
-
-
-def test_a_pickled_state_continues_where_it_was_taken() -> None:
-    made = machine("always[0:50](speed > gap) or gap since[0:9] speed")
-    rng = np.random.default_rng(0)
-    rows = rng.normal(size=(400, 2)).tolist()
-    for row in rows[:137]:
-        made.update(*row)
-    twin = machine("always[0:50](speed > gap) or gap since[0:9] speed")
-    twin.restore(pickle.loads(pickle.dumps(made.state())))
-    assert (twin.samples, twin.inputs, twin.registers) == (137, made.inputs, made.registers)
-    assert [made.update(*row) for row in rows[137:]] == [twin.update(*row) for row in rows[137:]]
-
-
-FOREIGN = (
-    "^expected a state that a native machine with this program gave; "
-    "those of other programs, back-ends or processors do not fit$"
-)
-
-
-@pytest.mark.parametrize(
-    "state",
-    [
-        b"",
-        b"rtamt",
-        bytes(200),
-        None,
-        [0, [], [], []],
-        machine("always[0:4](speed + 2 * gap > 1)").state(),
-        machine("always[0:3](speed + 3 * gap > 1)").state(),
-        machine("eventually[0:3](speed + 2 * gap > 1)").state(),
-    ],
-)
-def test_a_foreign_state_is_refused_and_changes_nothing(state: object) -> None:
-    made = machine()
-    made.update(1.0, 2.0)
-    before = made.state()
-    with pytest.raises(ValueError, match=FOREIGN):
-        made.restore(cast("bytes", state))
-    assert made.state() == before
-
-
-def test_a_damaged_state_is_refused_and_changes_nothing() -> None:
-    made = machine()
-    for _ in range(3):
-        made.update(1.0, 2.0)
-    state = made.state()
-    for damaged in (
-        state[:-8],
-        state[:20],
-        state + bytes(8),
-        state[:16] + b"\xff" * (len(state) - 16),
-    ):
-        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
-            made.restore(damaged)
-        assert made.state() == state
-    assert made.update(1.0, 2.0) == 4.0
-
-
-# Threads. ----------------------------------------------------------------------------------------
-
-
-def test_what_another_thread_is_running_is_left_alone() -> None:
-    made = machine("always[0:3](x > 1) and eventually[0:100](x > 0)")
-    column = np.ones(3_000_000)
-    results: list[float] = []
-    thread = threading.Thread(target=lambda: results.append(made.run([column], len(column))[0][-1]))
-    refused = 0
-    thread.start()
-    while thread.is_alive():
-        for call in (lambda: made.update(1.0), made.state, made.reset):
-            try:
-                call()
-            except StateError as error:
-                assert str(error) == RUNNING  # noqa: PT017
-                refused += 1
-    assert len(results) == 1

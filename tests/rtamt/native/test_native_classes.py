@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -41,13 +42,14 @@ MAKERS: dict[str, Maker] = {
     "DiscreteBatch": lambda text, reader: native.discrete_batch(program(text), 3, reader),
     "EpisodeBatch": lambda text, reader: native.episode_batch(program(text), 3, reader),
     "ClockBatch": lambda text, _: native.clock_batch(
-        [OperatorClock("oldest", "holds", 0, len(text), 0, ((0, 0),))], 1, 3
+        [OperatorClock("oldest", "holds", 0, sum(map(ord, text)), 0, ((0, 0),))], 1, 3
     ),
 }
 CALLS: dict[str, tuple[Any, ...]] = {"DenseRegions": ("advance", [], 0), "ClockBatch": ("feed", [])}
 """What takes in a sample, where that is not ``update(number)``."""
 
 TEXT = "always[0:3](x > 1)"
+OTHERS = ("always[0:3](x > 2)", "always[0:4](x > 1)", "eventually[0:3](x > 1)", "x > 2")
 FOREIGN = (
     "^expected a state that a native machine with this program gave; "
     "those of other programs, back-ends or processors do not fit$"
@@ -79,7 +81,9 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
         with pytest.raises(TypeError):
             getattr(unmade, method)()
     method, *arguments = CALLS.get(name, ("update", 1.0))
-    with pytest.raises(TypeError):
+    own = "Batch" not in name and name not in CALLS  # an update without nanobind
+    message = "^the machine was not made: __init__ was not called$" if own else None
+    with pytest.raises(TypeError, match=message):
         getattr(unmade, method)(*arguments)
     gc.collect()  # which visits it
     del unmade
@@ -110,10 +114,33 @@ def test_a_cycle_through_the_reader_is_collected(name: str) -> None:
 
 @machines
 def test_a_state_of_another_program_is_refused_and_that_of_its_own_taken(name: str) -> None:
-    machine, like, other = (MAKERS[name](text, Reader()) for text in (TEXT, TEXT, "x > 2"))
+    machine, like = (MAKERS[name](TEXT, Reader()) for _ in range(2))
+    others = [MAKERS[name](text, Reader()).state() for text in OTHERS]
     before = machine.state()
-    for state in (other.state(), b"", None, "text"):
+    for state in (*others, b"", b"rtamt", bytes(400), None, "text", [0, [], []]):
         with pytest.raises(ValueError, match=FOREIGN):
             machine.restore(state)
         assert machine.state() == before
     machine.restore(like.state())
+
+
+@pytest.mark.parametrize("make", [native.discrete_batch, native.episode_batch])
+def test_a_state_of_another_number_of_entries_is_refused(make: Callable[..., Any]) -> None:
+    two, three = (make(program(TEXT), num, Reader()) for num in (2, 3))
+    with pytest.raises(ValueError, match=FOREIGN):
+        two.restore(three.state())
+
+
+@machines
+def test_a_damaged_state_is_refused_and_changes_nothing(name: str) -> None:
+    machine = MAKERS[name](TEXT, Reader())
+    state = machine.state()
+    for damaged in (
+        *(state[:-8], state[:-1], state[:12], state + bytes(8), state + bytes(1)),
+        state[:8] + b"\xff" * (len(state) - 8),
+    ):
+        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+            machine.restore(damaged)
+        assert machine.state() == state
+    machine.restore(pickle.loads(pickle.dumps(state)))
+    assert machine.state() == state

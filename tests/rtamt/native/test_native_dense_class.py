@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
-import random
 import sys
-import threading
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, cast
 
@@ -14,7 +12,6 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import StateError
 from rtamt.language.parser import as_specification
 from rtamt.program.dense_lowering import compile_dense
 from rtamt.program.encoding import encoded_dense
@@ -26,10 +23,6 @@ if TYPE_CHECKING:
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 SPEC = "always[0:3](speed + 2 * gap > 1)"
-RUNNING = (
-    "the monitor is running in another thread; wait until that call returns, "
-    "or make a monitor for each thread"
-)
 EVENTS = {"speed": [(0.0, 1.0), (2.0, 4.0), (9.0, 0.0)], "gap": [(0.0, 2.0), (5.0, 1.0)]}
 
 
@@ -54,21 +47,6 @@ def arguments(**changes: object) -> dict[str, object]:
         "reader": object(),
     }
     return {**made, **changes}
-
-
-@pytest.mark.filterwarnings("ignore:nanobind. attempted to access an uninitialized instance")
-def test_an_object_that_was_not_made_is_refused() -> None:
-    unmade = native.DenseMachine.__new__(native.DenseMachine)
-    with pytest.raises(TypeError, match=r"^the machine was not made: __init__ was not called$"):
-        unmade.update({})
-    with pytest.raises(TypeError):
-        unmade.settled  # noqa: B018
-    with pytest.raises(TypeError):
-        unmade.finish()
-    with pytest.raises(TypeError):
-        unmade.run([])
-    del unmade
-    gc.collect()
 
 
 ROW = ("LOAD", "x", 0, 0, 0.0, None, None)
@@ -207,101 +185,3 @@ def test_the_reader_is_not_asked_for_the_times_of_ticks() -> None:
     assert made.update(EVENTS) == steps
     assert made.settled == known.settled
     assert made.finish() == known.finish()
-
-
-# Snapshots. --------------------------------------------------------------------------------------
-
-FOREIGN = (
-    "^expected a state that a native machine with this program gave; "
-    "those of other programs, back-ends or processors do not fit$"
-)
-
-
-@pytest.mark.parametrize(
-    "state",
-    [
-        b"",
-        b"rtamt",
-        bytes(200),
-        None,
-        rtamt.dense.Monitor(SPEC, backend="python")._machine.state(),
-        machine("always[0:4](speed + 2 * gap > 1)").state(),
-        machine("always[0:3](speed + 3 * gap > 1)").state(),
-        machine("eventually[0:3](speed + 2 * gap > 1)").state(),
-    ],
-)
-def test_a_foreign_state_is_refused_and_changes_nothing(state: object) -> None:
-    made = machine()
-    made.update(EVENTS)
-    before = made.state()
-    with pytest.raises(ValueError, match=FOREIGN):
-        made.restore(cast("bytes", state))
-    assert made.state() == before
-
-
-def test_a_damaged_state_is_refused_and_changes_nothing() -> None:
-    made = machine()
-    made.update(EVENTS)
-    state = made.state()
-    for damaged in (
-        state[:-8],
-        state[:20],
-        state + bytes(8),
-        state[:16] + b"\xff" * (len(state) - 16),
-    ):
-        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
-            made.restore(damaged)
-        assert made.state() == state
-    assert made.finish() == machine_after(EVENTS).finish()
-
-
-def machine_after(events: Mapping[str, EventsLike], spec: str = SPEC) -> DenseMachine:
-    made = machine(spec)
-    made.update(events)
-    return made
-
-
-def test_no_change_of_a_state_reaches_out_of_memory() -> None:
-    spec = "(x > 0) until[1:3] (y > 0) and once[0:2] eventually[0:2] (x > y)"
-    rng = random.Random(5)
-    events = {n: [(i + rng.random(), rng.gauss(0, 1)) for i in range(30)] for n in "xy"}
-    state = machine_after(events, spec).state()
-    later = {"x": [(50.0, 1.0), (60.0, 2.0)], "y": [(55.0, -1.0), (70.0, 2.0)]}
-    made, refused = machine_after(events, spec), 0
-    for _ in range(4000):
-        damaged = bytearray(state)
-        for _ in range(rng.choice((1, 2, 8))):
-            damaged[rng.randrange(8, len(state))] = rng.choice((0, 1, 0x7F, 0x80, 0xF0, 0xFF))
-        try:
-            made.restore(bytes(damaged))
-        except ValueError:
-            refused += 1
-            assert made.state() == state
-            continue
-        try:  # any result will do, but it ends
-            made.update(later)
-            made.finish()
-        except (ValueError, RuntimeError):
-            pass
-        made.restore(state)
-    assert refused > 400
-
-
-# Threads. ----------------------------------------------------------------------------------------
-
-
-def test_what_another_thread_is_running_is_left_alone() -> None:
-    made = machine("always[0:3](x > 1) and eventually[0:100](x > 0)")
-    columns = [(np.arange(2e6), np.random.default_rng(0).random(2_000_000))]
-    results: list[int] = []
-    thread = threading.Thread(target=lambda: results.append(len(made.run(columns)[0])))
-    messages: set[str] = set()
-    thread.start()
-    while thread.is_alive():
-        for call in (lambda: made.update({}), made.state, made.finish):
-            try:
-                call()
-            except StateError as error:  # others: not yet running, or no longer
-                messages.add(str(error))
-    assert len(results) == 1
-    assert all(m == RUNNING or m.startswith(("finish() needs", "the trace is")) for m in messages)

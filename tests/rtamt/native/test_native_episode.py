@@ -21,8 +21,6 @@ native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 Rows = Callable[[int], Iterator[tuple[float, float]]]
 
-FOREIGN = r"^expected a state that a native machine with this program gave; "
-
 SHAPES = (
     "always(x > 0)",
     "always((x >= 1) implies eventually[0:70](y >= 1))",
@@ -156,38 +154,6 @@ def test_what_is_decided_is_forgotten() -> None:
 
 def machine(monitor: EpisodeMonitor) -> MachineState:
     return monitor._machine
-
-
-def test_a_state_of_another_program_is_refused_and_changes_nothing() -> None:
-    monitor = EpisodeMonitor("always eventually[0:5](x > 0)", backend="native")
-    monitor.update(x=1.0)
-    before = machine(monitor).state()
-    others = ("always eventually[0:6](x > 0)", "always eventually[0:5](x > 1)", "x > 0")
-    states = [machine(EpisodeMonitor(other, backend="native")).state() for other in others]
-    for state in (*states, b"", [1, 2]):
-        with pytest.raises(ValueError, match=FOREIGN):
-            machine(monitor).restore(state)
-        assert machine(monitor).state() == before
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_damaged_state_is_refused_and_changes_nothing(shape: str) -> None:
-    monitor = EpisodeMonitor(shape, backend="native")
-    for x, y in noise(100):
-        feed(monitor, x, y)
-    state = machine(monitor).state()
-    for damaged in (
-        state[:-1],
-        state[: len(state) // 2],
-        state[:16],
-        state + b"\0",
-        state[:8] + b"\xff" * (len(state) - 8),
-    ):
-        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
-            machine(monitor).restore(damaged)
-        assert machine(monitor).state() == state
-    machine(monitor).restore(state)
-    assert machine(monitor).state() == state
 
 
 TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
