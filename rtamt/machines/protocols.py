@@ -25,9 +25,9 @@ then lists each ``match`` with ``assert_never`` that must read them. Also give i
 - ``rtamt/native``: ``core/order.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
   ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/episodes.cpp`` and
   ``batch/variants.cpp``;
-- `rtamt.monitors`: ``sample_trace``, ``dense_trace``, ``judgement``, ``judgements``, ``many`` and
-  ``explainer``, and ``TraceSpan`` in `rtamt.program.implications`;
-- `rtamt.checking.search` and `rtamt.checking.encoding`; `rtamt_arrays.monitor_set`;
+- `rtamt.monitors`: ``traces``, ``judgement``, ``judgements``, ``many`` and ``explainer``, and
+  ``TraceSpan`` in `rtamt.program.implications`;
+- `rtamt.checking.encoding`, where it reads ``cut``; `rtamt_arrays.monitor_set`;
 - `rtamt_gym`: ``commands/judging``, ``commands/group_judging``, ``recorded/judge`` and
   ``reports/episodes``.
 
@@ -179,14 +179,15 @@ class DiscreteMachine(SampleMachine, Protocol):
         """Return the observed registers at the times of a whole trace; the state plays no part."""
 
 
-class EpisodeMachine(SampleMachine, Protocol):
-    """Evaluates a program at time 0 of an episode, with bounds; its future may have no end.
+class BoundingMachine(Stateful, Protocol):
+    """Evaluates a program at the start of a trace, with bounds; its future may have no end.
 
     Attributes:
-        robustness: The robustness if the episode ended now.
+        robustness: The robustness if the trace ended now.
         lower: The smallest robustness over all continuations and ends.
         upper: The largest robustness over all continuations and ends.
         finished: Whether the trace has ended.
+        update: Takes a sample or new events; returns the robustness.
     """
 
     @property
@@ -197,11 +198,19 @@ class EpisodeMachine(SampleMachine, Protocol):
     def upper(self) -> float: ...
     @property
     def finished(self) -> bool: ...
+    @property
+    def update(self) -> Callable[..., float]: ...
     def finish(self, end: End = "complete") -> float:
         """End the trace, set the bounds for its end mode, and return the robustness.
 
         A cut trace may have its robustness outside the bounds; it moves to the nearest one.
         """
+
+    def reset(self) -> None: ...
+
+
+class EpisodeMachine(SampleMachine, BoundingMachine, Protocol):
+    """Bounds the robustness of an episode of samples."""
 
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
@@ -295,32 +304,19 @@ class DenseMachine(Stateful, Protocol):
     def reset(self) -> None: ...
 
 
-class DenseEpisodeMachine(Stateful, Protocol):
-    """Bounds the robustness at the start of a trace from events, as `EpisodeMachine`.
+class DenseEpisodeMachine(BoundingMachine, Protocol):
+    """Bounds the robustness at the start of a trace, from events.
 
     ``settled`` is the last time at which all variables are known, or -inf, and ``span`` the first
     and the last tick of the trace. The bounds have one sign bit after ``decided_at``.
     """
 
     @property
-    def robustness(self) -> float: ...
-    @property
-    def lower(self) -> float: ...
-    @property
-    def upper(self) -> float: ...
-    @property
     def settled(self) -> float: ...
     @property
     def span(self) -> tuple[int, int]: ...
     @property
     def decided_at(self) -> float | None: ...
-    @property
-    def finished(self) -> bool: ...
-    @property
-    def update(self) -> Callable[..., float]: ...
-    def finish(self, end: End = "complete") -> float:
-        """End the trace, set the bounds for its end mode, and return the robustness."""
-
     def run(self, given: Sequence[GivenLike], *, decided: bool = False) -> None:
         """Read a whole trace, with times as the caller passed them."""
 
@@ -329,8 +325,6 @@ class DenseEpisodeMachine(Stateful, Protocol):
 
         They are equal unless neutral predicates or unknown values matter.
         """
-
-    def reset(self) -> None: ...
 
 
 class DenseSigns(Protocol):
