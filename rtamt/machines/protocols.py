@@ -22,9 +22,8 @@ To add an end mode, such as ``end="cut"``: add its name to `End`, and its worlds
 then lists each ``match`` with ``assert_never`` that must read them. Also give it a meaning in
 
 - ``walk``, ``episode/streams`` and ``dense/regions`` of `rtamt.machines`, where they read ``cut``;
-- ``rtamt/native``: ``core/order.hpp``, ``python/encoding.cpp``, ``episode/machine.cpp``,
-  ``episode/variants.hpp``, ``dense/episode.cpp``, ``dense/signs.cpp``, ``batch/episodes.cpp`` and
-  ``batch/variants.cpp``;
+- ``rtamt/native``: ``core/order.hpp`` and ``python/encoding.cpp``; the compiler then warns of each
+  ``switch`` that must read it. Worlds are in ``episode/polynomials.hpp`` and ``dense/regions.hpp``;
 - `rtamt.monitors`: ``traces``, ``judgement``, ``judgements``, ``many`` and ``explainer``, and
   ``TraceSpan`` in `rtamt.program.implications`;
 - `rtamt.checking.encoding`, where it reads ``cut``; `rtamt_arrays.monitor_set`;

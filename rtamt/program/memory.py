@@ -48,7 +48,7 @@ def limit_beyond(program: Program, n: int, *, unknown: bool = False) -> None:
 
 def _beyond(program: Program, n: int) -> int:
     """Return the numbers that windows beyond a trace of n samples keep."""
-    windows = [i for i in program.instructions if isinstance(i, Window)]
+    windows = program.windows
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
     # Each variable and each window keeps them, in both worlds of each reading of the predicates.
     return 2 * beyond * (len(program.variables) + len(windows))
@@ -175,7 +175,7 @@ def sufficient(program: Program, n: int) -> int:
 @functools.lru_cache(maxsize=512)
 def _memory_and_bound(program: Program) -> tuple[int, int]:
     """Return after how many unseen samples all later ones are equal, and the largest bound."""
-    windows = [i for i in program.instructions if isinstance(i, Window)]
+    windows = program.windows
     before = [max(0, -_begin(window)) for window in windows]
     if not any(window.hi is None for window in windows):
         # No time after this one is read, so that no window reaches back further than it.

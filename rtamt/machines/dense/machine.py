@@ -151,7 +151,7 @@ class WindowNode(StreamNode):
         super().__init__(args, out)
         self._lo, self._hi = lo, hi
         self._empty = fold.identity[-1]
-        self._inside = Total(fold) if math.isinf(lo) else Queue(fold, lo)
+        self._inside = Queue(fold, lo)
         self._begun = False
 
     def reset(self) -> None:
@@ -189,34 +189,10 @@ class WindowNode(StreamNode):
             self._begun = True
 
 
-class Total(StateFields):
-    """The fold of all steps so far, for windows without a begin."""
-
-    STATE = ("_total",)
-    leaves = math.inf
-
-    def __init__(self, fold: LatticeFold) -> None:
-        self._combine, self._identity = fold.combine, fold.identity
-        self.reset()
-
-    def reset(self) -> None:
-        self._total = self._identity
-
-    def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
-        """Add the next step."""
-        self._total = self._combine(self._total, x)
-
-    def pop(self) -> None:
-        raise AssertionError
-
-    @property
-    def value(self) -> float:
-        """The fold."""
-        return self._total[-1]
-
-
 class Queue(StateFields):
     """The steps inside a window, first in, first out, in two stacks, and their fold.
+
+    Without a begin, no step leaves, and only the fold is kept.
 
     ``_older`` has, for each of its steps, the fold of that step and the younger ones in ``_older``.
     When it is empty, the steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and
@@ -238,8 +214,9 @@ class Queue(StateFields):
 
     def push(self, begin: float, x: Element) -> None:
         """Add the next step."""
-        self._begins.append(begin)
-        self._younger.append(x)
+        if not math.isinf(self._lo):
+            self._begins.append(begin)
+            self._younger.append(x)
         self._total = self._combine(self._total, x)
 
     def pop(self) -> None:

@@ -218,16 +218,24 @@ public:
             const std::uint32_t entry = entries[i];
             if (values_.finished[entry]) continue;
             ending[entry] = values_.finished[entry] = 1;
-            if (end == End::complete)
-                values_.lower[entry] = values_.upper[entry] = values_.now[entry];
         }
-        if (end != End::cut) return;
         Entries rest(ending.size());
         rest.choose(ending.data());
-        conclude(rest, true);
+        if (end == End::cut) conclude(rest, true);
         for (std::size_t i = 0; i < rest.count(); ++i) {
             double& now = values_.now[rest[i]];
-            now = moved(now, values_.lower[rest[i]], values_.upper[rest[i]]);
+            double& lower = values_.lower[rest[i]];
+            double& upper = values_.upper[rest[i]];
+            switch (end) {
+                case End::complete:
+                    lower = upper = now;
+                    break;
+                case End::cut:
+                    now = moved(now, lower, upper);
+                    break;
+                case End::open:
+                    break;
+            }
         }
     }
 

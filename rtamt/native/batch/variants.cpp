@@ -68,7 +68,7 @@ void BatchVariants::finish(const std::uint8_t* mask, End end) {
     const std::vector<double> robustness(results(), results() + num());
     each([=](EpisodeBatch& batch) { batch.finish(mask, end); });
     for (std::size_t entry = 0; entry < num(); ++entry)
-        if (end == End::cut && finished()[entry] && !before[entry])
+        if (finished()[entry] && !before[entry])
             moved_[entry] = moved(robustness[entry], lower()[entry], upper()[entry]);
     publish();
 }

@@ -37,8 +37,7 @@ private:
     void publish();
 
     std::vector<std::uint8_t> uncertain_;  // the entries with an uncertain value
-    std::vector<double>
-        moved_;  // the robustness of entries that were cut, inside the bounds of all
+    std::vector<double> moved_;  // the robustness of ended entries, inside the bounds of all
     std::vector<double> results_;  // where variants differ
 };
 

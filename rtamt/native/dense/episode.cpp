@@ -250,14 +250,20 @@ std::vector<double> DenseEpisodeMachine::complete() {
 }
 
 void DenseEpisodeMachine::finish(End end) {
-    if (end == End::complete) {
-        const std::vector<double> found = complete();
-        lower_ = found.front();
-        robustness_ = upper_ = found.back();
-    } else if (end == End::cut) {
-        lower_ = readings_.front().look(Regions::worlds)[Regions::cut_lower];
-        upper_ = readings_.back().look(Regions::worlds)[Regions::cut_upper];
-        robustness_ = moved(robustness_, lower_, upper_);
+    switch (end) {
+        case End::complete: {
+            const std::vector<double> found = complete();
+            lower_ = found.front();
+            robustness_ = upper_ = found.back();
+            break;
+        }
+        case End::cut:
+            lower_ = readings_.front().look(Regions::worlds)[Regions::cut_lower];
+            upper_ = readings_.back().look(Regions::worlds)[Regions::cut_upper];
+            robustness_ = moved(robustness_, lower_, upper_);
+            break;
+        case End::open:
+            break;
     }
     finished_ = true;
 }

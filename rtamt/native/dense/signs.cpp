@@ -17,13 +17,14 @@ public:
     // Takes the values at new times of a trace from a time on.
     void take(const Sampler& sampler, Time begin) {
         const double* values = sampler.column(reg_);
+        const Time* times = sampler.times();
         double last = kept_.empty() ? std::nan("") : kept_.at(kept_.size() - 1)->q;
-        for (std::size_t i = 0; i < sampler.size(); ++i) {
+        for (std::size_t i = 0, n = sampler.size(); i < n; ++i) {
             const double sign = negative(values[i]) ? -kInfinity : kInfinity;
             const double value = numbers_ ? values[i] : sign;
             if (same(value, last)) continue;
             last = value;
-            kept_.add(2 * (std::max(sampler.times()[i], begin) - begin), Pair{0.0, value});
+            kept_.add(2 * (std::max(times[i], begin) - begin), Pair{0.0, value});
         }
     }
 
@@ -114,8 +115,15 @@ bool Signs::read(const Events* events, Time begin, Time last) {
 }
 
 std::size_t Signs::world(bool best) const {
-    if (end_ == End::complete || !ahead_) return Regions::now;
-    if (end_ == End::cut) return best ? Regions::cut_upper : Regions::cut_lower;
+    if (!ahead_) return Regions::now;
+    switch (end_) {
+        case End::complete:
+            return Regions::now;
+        case End::cut:
+            return best ? Regions::cut_upper : Regions::cut_lower;
+        case End::open:
+            break;
+    }
     return best ? Regions::upper : Regions::lower;
 }
 
@@ -150,9 +158,10 @@ RunsView Signs::result(std::size_t world) {
 Signs::Spans Signs::parts(std::size_t world, bool negative) {
     Spans found;
     const Runs& runs = streams_[result_]->open(world);
-    for (std::size_t i = 0; i < runs.size() && runs.start(i) <= trace_->t; ++i) {
+    const Time last = trace_->t;
+    for (std::size_t i = 0; i < runs.size() && runs.start(i) <= last; ++i) {
         if (std::signbit(runs.at(i)->q) != negative) continue;
-        const Time end = i + 1 < runs.size() ? std::min(runs.start(i + 1) - 1, trace_->t) : trace_->t;
+        const Time end = i + 1 < runs.size() ? std::min(runs.start(i + 1) - 1, last) : last;
         found.emplace_back(runs.start(i), end);
     }
     return found;

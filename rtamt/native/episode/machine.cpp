@@ -237,8 +237,16 @@ void EpisodeMachine::find_values(Time t, const double* terms) {
 
 void EpisodeMachine::finish(End end) {
     if (finished_) return;
-    if (end == End::complete) values_[kLower] = values_[kUpper] = values_[kNow];
-    if (end == End::cut) cut();
+    switch (end) {
+        case End::complete:
+            values_[kLower] = values_[kUpper] = values_[kNow];
+            break;
+        case End::cut:
+            cut();
+            break;
+        case End::open:
+            break;
+    }
     finished_ = true;
 }
 

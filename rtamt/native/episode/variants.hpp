@@ -144,7 +144,7 @@ public:
         if (finished()) return;
         const double robustness = result();
         each([=](EpisodeMachine& machine) { machine.finish(end); });
-        if (several() && end == End::cut) moved_ = moved(robustness, lower(), upper());
+        if (several()) moved_ = moved(robustness, lower(), upper());
     }
     void reset() {
         join();
@@ -163,7 +163,7 @@ public:
     }
 
 private:
-    std::optional<double> moved_;  // the robustness inside the bounds of all, if they were cut
+    std::optional<double> moved_;  // the robustness inside the bounds of all, after the end
 };
 
 }  // namespace rtamt

@@ -115,10 +115,7 @@ public:
     }
 
     // The numbers of a contiguous 1-D array of n float64; null if it is another object.
-    const double* line(PyObject* array, std::size_t n) const {
-        auto* data = static_cast<const double*>(elements<double>(array, n));
-        return data && reinterpret_cast<const Fields*>(array)->ndim == 1 ? data : nullptr;
-    }
+    const double* line(PyObject* array, std::size_t n) const { return line_of<double>(array, n); }
 
     // The elements of a new 1-D array; null if their place is not known.
     void* begin(PyObject* array) const {
@@ -180,13 +177,8 @@ public:
 
     // The bytes of a contiguous 1-D array of n bools, which numpy lets be other than 0 and 1; null
     // if it is another object.
-    const std::uint8_t* mask(PyObject* array, Py_ssize_t n) const {
-        if (!known_ || !is_array(array)) return nullptr;
-        const auto* fields = reinterpret_cast<const Fields*>(array);
-        if (fields->ndim != 1 || fields->dtype != bools_ || fields->shape[0] != n ||
-            fields->strides[0] != 1)
-            return nullptr;
-        return reinterpret_cast<const std::uint8_t*>(fields->data);
+    const std::uint8_t* mask(PyObject* array, std::size_t n) const {
+        return line_of<std::uint8_t>(array, n);
     }
 
 private:
@@ -202,6 +194,11 @@ private:
         int flags;
     };
 
+    template <class T>
+    const T* line_of(PyObject* array, std::size_t n) const {
+        const auto* data = static_cast<const T*>(elements<T>(array, n));
+        return data && reinterpret_cast<const Fields*>(array)->ndim == 1 ? data : nullptr;
+    }
     const double* rows(PyObject* array, int dimensions, Py_ssize_t columns, Py_ssize_t& n) const {
         if (!known_ || !is_array(array)) return nullptr;
         const auto* fields = reinterpret_cast<const Fields*>(array);

@@ -41,7 +41,7 @@ template <class B>
 Held<const std::uint8_t*> mask_of(const Object<B>& object, nb::handle mask) {
     if (mask.is_none()) return {nb::none(), nullptr, {}};
     const std::size_t num = object.machine.num();
-    const std::uint8_t* fast = Numpy::instance().mask(mask.ptr(), static_cast<Py_ssize_t>(num));
+    const std::uint8_t* fast = Numpy::instance().mask(mask.ptr(), num);
     if (fast != nullptr) return {nb::borrow(mask), fast, {}};
     return held<std::uint8_t>(object.reader.attr("mask")(mask), num);
 }

@@ -18,6 +18,7 @@ CONSTANT = (0, "CONST", "", 0, 0, 1.0, 0, 0)
 MAP = (1, "MAP", "neg", 0, 0, 0.0, 0, 0)
 LEAST = ("MAP", "min", 0, 0, None, None, False, False)
 ENDLESS = ("WINDOW", "min", 0, 0, 0, None, False, False)
+NEAR = (("WINDOW", "min", 0, 0, 0, 10, False, False),)
 FAR = 2**62
 
 
@@ -94,11 +95,71 @@ def test_a_state_of_registers_in_another_order_is_refused() -> None:
             "initial": (2,),
         },
         {"rows": (ENDLESS, LEAST), "streams": (0, 1), "initial": (2,)},  # 1 is no unknown
+        {"rows": (("WINDOW", "min", 0, 0, None, -(2**63), False, False),)},
+        {"terms": 2, "rows": (("WINDOW", "min", 0, 1, *ENDLESS[4:]),), "initial": (2,)},  # 1 too
+        {"terms": 2, "rows": ((*LEAST[:2], 0, 1, *LEAST[4:]),), "initial": (2,), "streams": (0, 2)},
     ],
 )
 def test_registers_that_are_no_program_are_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=NO_PROGRAM):
         native.DenseRegions(**regions(**changes))
+
+
+LATER = "expected a later instant, and the terms at the first"
+NEW = "expected new positions that increase"
+
+
+def places(*positions: int) -> tuple[Any, list[Any]]:
+    return np.array(positions, np.int64), [np.arange(float(len(positions)))]
+
+
+@pytest.mark.parametrize(
+    ("positions", "t", "message"),
+    [
+        ((), 4, LATER),
+        ((2,), 4, LATER),
+        ((0,), 3, LATER),
+        ((0, 0), 4, NEW),
+        ((2, 0), 4, NEW),
+        ((0, 6), 4, NEW),
+    ],
+)
+def test_registers_take_positions_in_their_order(
+    positions: tuple[int, ...], t: int, message: str
+) -> None:
+    made = native.DenseRegions(**regions(rows=NEAR))
+    before = made.state()
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        made.advance(*places(*positions), t)
+    assert made.state() == before
+    made.advance(*places(0, 2), 4)
+    assert made.t == 4
+    for again, later, text in (((), 4, LATER), ((), 2, LATER), ((4,), 6, NEW), ((6,), 7, LATER)):
+        with pytest.raises(ValueError, match=f"^{text}$"):
+            made.advance(*places(*again), later)
+    with pytest.raises(ValueError, match=r"^expected a column for every term$"):
+        made.advance(*places(6)[:1], [], 6)
+    with pytest.raises(ValueError, match=r"^expected 1-D columns of n values$"):
+        made.advance(places(6)[0], [np.ones(2)], 6)
+    with pytest.raises(TypeError, match="bytes-like"):
+        made.advance([6], [np.ones(1)], 6)
+    made.advance(*places(), 6)
+    assert made.t == 6
+
+
+def test_registers_are_looked_at_in_one_to_five_worlds() -> None:
+    made = native.DenseRegions(**regions(rows=NEAR))
+    for worlds in (0, 6):
+        with pytest.raises(ValueError, match=r"^expected 1 to 5 worlds$"):
+            made.look(worlds)
+    assert len(made.look(5)) == 5
+    made.advance(*places(0, 2), 4)
+    state = made.state()
+    late = (2**63 - 2).to_bytes(8, "little")  # with the window behind it beyond all positions
+    assert state[8:16] == (4).to_bytes(8, "little")
+    with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+        made.restore(state[:8] + late + state[16:])
+    assert made.state() == state
 
 
 def test_a_fold_that_nobody_knows_is_refused() -> None:
