@@ -205,13 +205,13 @@ def falsify(
     effects = Effects()
 
     def record() -> Record:
-        reuse = None if stored is None else stored.reuse(len(search.rows))
+        reuse = None if stored is None else stored.reuse(len(search.trials))
         return Record(search.rows, texts, runner.name, Provenance.of(specs, fingerprint, reuse))
 
     def result(
         simplest: Trial | None = None, reductions: int = 0, *, interrupted: bool = False
     ) -> Falsification:
-        best = search.rows[search.best]
+        best = search.trials[search.best].row
         return Falsification(
             falsified=search.violated is not None,
             requirement=search.closest,
@@ -236,8 +236,8 @@ def falsify(
             try:
                 with suppress(SearchOver):
                     _optimize(chosen, name, search, np.random.default_rng(optimizer_seed))
-                if stored is not None and search.rows:
-                    stored.finish(record(), search.valued)
+                if stored is not None and search.trials:
+                    stored.finish(record(), search.trials)
                 effects = search.effects()
             finally:
                 search.close()
@@ -246,7 +246,7 @@ def falsify(
             return result()
         return result(*_reproduced(search, runner, varied, _REDUCTIONS if reduce else 0))
     except BaseException as error:
-        if search.rows:
+        if search.trials:
             _carry(error, result(interrupted=True))
         raise
 
@@ -260,7 +260,7 @@ def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Ge
 
 def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
     """Warn if some simulations failed; raise InputError if all failed, or there are none."""
-    if not search.rows:
+    if not search.trials:
         raise InputError(
             f"the optimizer {optimizer} evaluated no point; it is called with evaluate, the "
             "dimension and a generator, and calls evaluate(points) until that ends it"
@@ -270,7 +270,7 @@ def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
 
 def _again(search: Search, runner: Runner, case: Case) -> Trial | None:
     """Run a case with the seed of the violation; return its row, or None if it does not violate."""
-    seed = search.rows[-1].seed
+    seed = search.trials[-1].row.seed
     ((_, row),) = runner.run([case], None if seed is None else [seed])
     violates = not row.error and row.outcomes[search.closest].verdict is Verdict.VIOLATED
     return row if violates else None
@@ -278,7 +278,7 @@ def _again(search: Search, runner: Runner, case: Case) -> Trial | None:
 
 def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tuple[Trial, int]:
     """Run the violating simulation again and reduce it; return its row and the simulations."""
-    row = _again(search, runner, search.rows[-1].case)
+    row = _again(search, runner, search.trials[-1].row.case)
     if row is not None:
         return reduced(row, space, partial(_again, search, runner), most)
     warnings.warn(
@@ -287,7 +287,7 @@ def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tupl
         IrreproducibleWarning,
         stacklevel=caller_level(),
     )
-    return search.rows[-1], 0
+    return search.trials[-1].row, 0
 
 
 def _name_of(optimizer: Any) -> str:  # noqa: ANN401 - any function

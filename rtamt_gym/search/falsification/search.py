@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from itertools import accumulate, pairwise
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
@@ -53,11 +54,9 @@ class Search:
 
     Attributes:
         groups: The coordinates of each input.
-        rows: The simulations so far.
+        trials: The simulations so far, with their values.
         points: Their points.
-        values: The minimum robustness of each over the requirements, in units of the scales.
         scales: The scales by the text of a predicate; None until they are computed.
-        violated: The requirement that the last row violates; None without a violation.
         advance: A function that gets the number of finished simulations.
     """
 
@@ -94,15 +93,13 @@ class Search:
         self.advance: Callable[[int], None] = lambda _: None
         self._traces: dict[int, SimulatedTrace] = {}
         self._scaled_names = list(self._specs)
-        self._least: list[str] = []
         self._runner: Runner | OfflineRunner | ParallelRunner = runner
         self._judge = runner.judge
-        self.groups = _groups(space)
-        self.rows: list[Trial] = []
+        ends = [*accumulate((len(entry.columns) for entry in space), initial=0)]
+        self.groups: Sequence[slice] = [slice(*pair) for pair in pairwise(ends)]
+        self.trials: list[ValuedTrial] = []
         self.points: list[Floats] = []
-        self.values: list[float] = []
         self.scales = scales
-        self.violated: str | None = None
         if scales is not None:
             self._use(scales)
 
@@ -115,10 +112,10 @@ class Search:
         if missing > 0:
             others = spread(self.groups, self._rng)
             self._run(take(others, missing, self.dimension), math.inf)
-        begin = len(self.rows)
+        begin = len(self.trials)
         self._run(checked[:_FIRST], math.inf)
         self._find_scales()
-        first = np.array(self.values[begin:])
+        first = self._values(begin)
         return np.concatenate([first, self._run(checked[_FIRST:], level)])
 
     def _find_scales(self) -> None:
@@ -131,21 +128,23 @@ class Search:
         self._use(self.scales)
         for index, trace in self._traces.items():
             heights = {name: self._judge(name, trace) for name in self._scaled_names}
-            self._least[index], self.values[index] = self._minimum(heights)
+            least, value = self._minimum(heights)
+            self.trials[index] = self.trials[index]._replace(least=least, value=value)
         self._traces.clear()
         if self._folder is not None:
             self._folder.scales = self.scales
-            self._folder.add(dict(enumerate(self.valued)))
+            self._folder.add(dict(enumerate(self.trials)))
             self._folder.write()
 
     @property
-    def valued(self) -> list[ValuedTrial]:
-        """The simulations so far, with their values."""
-        columns = zip(self.rows, self._least, self.values, strict=True)
-        trials = [ValuedTrial(*entry, violated=None) for entry in columns]
-        if self.violated is not None:
-            trials[-1] = trials[-1]._replace(violated=self.violated)
-        return trials
+    def rows(self) -> list[Trial]:
+        """The simulations so far."""
+        return [trial.row for trial in self.trials]
+
+    @property
+    def violated(self) -> str | None:
+        """The requirement that the last simulation violates; None without a violation."""
+        return self.trials[-1].violated if self.trials else None
 
     @property
     def dimension(self) -> int:
@@ -154,24 +153,26 @@ class Search:
 
     @property
     def best(self) -> int:
-        """The index of the violating row; without a violation, of the row with the minimum value.
+        """The index of the violating simulation; without one, of the minimum value.
 
         A failed simulation is the best only if all failed.
         """
         if self.violated:
-            return len(self.rows) - 1
-        return min(range(len(self.rows)), key=lambda i: (bool(self.rows[i].error), self.values[i]))
+            return len(self.trials) - 1
+        keys = [(bool(trial.row.error), trial.value) for trial in self.trials]
+        return keys.index(min(keys))
 
     @property
     def judged_points(self) -> Floats:
         """The points of simulations without an error, shape (points, dimension)."""
-        rows = zip(self.points, self.rows, strict=True)
-        return np.array([point for point, row in rows if not row.error]).reshape(-1, self.dimension)
+        trials = zip(self.points, self.trials, strict=True)
+        judged = [point for point, trial in trials if not trial.row.error]
+        return np.array(judged).reshape(-1, self.dimension)
 
     @property
     def closest(self) -> str:
         """The requirement that the best row violates, or comes closest to violating."""
-        return self.violated or self._least[self.best]
+        return self.violated or self.trials[self.best].least
 
     def effects(self) -> Effects:
         """Return the inputs without an effect, from simulations that are not among the rows.
@@ -179,11 +180,12 @@ class Search:
         The base points are the best row and the row with the most different value. An input with a
         range of one value is left out; without a judged simulation, all inputs are.
         """
-        judged = [index for index, row in enumerate(self.rows) if not row.error]
+        trials = self.trials
+        judged = [index for index, trial in enumerate(trials) if not trial.row.error]
         if not judged:
             return Effects()
         best = self.best
-        other = max(judged, key=lambda index: abs(self.values[index] - self.values[best]))
+        other = max(judged, key=lambda index: abs(trials[index].value - trials[best].value))
         bases = list(dict.fromkeys([best, other]))
         groups = {
             entry.name: group
@@ -197,7 +199,7 @@ class Search:
 
             def run(index: int, points: Sequence[Floats]) -> list[object]:
                 cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
-                seed = self.rows[bases[index]].seed
+                seed = trials[bases[index]].row.seed
                 seeds = None if seed is None else [seed] * len(cases)
                 rows = dict(runner.run(cases, seeds))
                 return [_key(rows[position]) for position in range(len(cases))]
@@ -250,7 +252,7 @@ class Search:
 
     def _run(self, points: Floats, level: float) -> Floats:
         """Run points and add their rows; raise `SearchOver` if the search is over."""
-        begin = len(self.rows)
+        begin = len(self.trials)
         points = points[: self._budget - begin]
         cases = [Case({**self._space.case(point), **self._fixed}) for point in points]
         result: dict[int, ValuedTrial] = {}
@@ -276,12 +278,16 @@ class Search:
             for index in sorted(result):
                 if index <= last:
                     if index in traces and not result[index].row.error:
-                        self._traces[len(self.rows)] = traces[index]
-                    self._append(result[index], points[index])
-        spent = len(self.rows) >= self._budget
+                        self._traces[len(self.trials)] = traces[index]
+                    self.trials.append(result[index])
+                    self.points.append(points[index])
+        spent = len(self.trials) >= self._budget
         if self.violated is not None or spent or self._hopeless({}):
             raise SearchOver
-        return np.array(self.values[begin:])
+        return self._values(begin)
+
+    def _values(self, begin: int) -> Floats:
+        return np.array([trial.value for trial in self.trials[begin:]])
 
     def _rows(
         self,
@@ -311,22 +317,15 @@ class Search:
         """Return the index of the last run that counts, now that run `index` has finished."""
         if trials[index].violated is not None:
             return index
-        return _FIRST - len(self.rows) - 1 if self._hopeless(trials) else sys.maxsize
+        return _FIRST - len(self.trials) - 1 if self._hopeless(trials) else sys.maxsize
 
     def _hopeless(self, trials: Mapping[int, ValuedTrial]) -> bool:
         """Return whether the first simulations all failed in the same way before sample 0."""
-        first = self.rows[:_FIRST]
+        first = [trial.row for trial in self.trials[:_FIRST]]
         first += [trials[i].row for i in range(_FIRST - len(first)) if i in trials]
         errors = {row.error for row in first}
         began = any(row.outcomes for row in first)
         return len(first) == _FIRST and len(errors) == 1 and "" not in errors and not began
-
-    def _append(self, trial: ValuedTrial, point: Floats) -> None:
-        self.violated = trial.violated
-        self._least.append(trial.least)
-        self.values.append(trial.value)
-        self.rows.append(trial.row)
-        self.points.append(point)
 
     def _valued_row(self, row: Trial) -> ValuedTrial:
         """Return a row with its value, and with the outcomes of the requirements only."""
@@ -366,15 +365,6 @@ def _height(row: Trial, name: str) -> float:
         return math.nan
     outcome = row.outcomes[name]
     return outcome.lower if row.ended == "known" else outcome.robustness
-
-
-def _groups(space: Space) -> Sequence[slice]:
-    groups, begin = [], 0
-    for entry in space:
-        end = begin + len(entry.columns)
-        groups.append(slice(begin, end))
-        begin = end
-    return groups
 
 
 _SECONDS: Final = 1.0
