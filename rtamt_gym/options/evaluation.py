@@ -16,7 +16,7 @@ To add an evaluation option, such as ``nan=``:
 4. Add a row to the table of options in ``docs/gymnasium.md``. Run
    ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
 5. An option of recorded traces is also in ``RecordedKeywords`` of `rtamt_gym.commands.recordings`.
-   ``test_saved_case_errors.py``, ``test_readings.py``, ``test_relabel_errors.py`` and ``OTHERS`` of
+   ``test_saved_cases.py``, ``test_readings.py``, ``test_relabel_errors.py`` and ``OTHERS`` of
    ``test_evaluation_options.py`` list the options.
 """
 

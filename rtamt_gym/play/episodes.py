@@ -78,7 +78,7 @@ class Episodes(Runner):
         self._n_envs = check_count(Argument("n_envs"), n_envs)
         self._given = env
         self._envs: list[gym.Env[Any, Any]] = []
-        self._simulators: dict[int, Simulator] = {}
+        self._simulators: list[Simulator] = []  # of the first environments
         first = first or (env if isinstance(env, gym.Env) else env())
         self.evaluated = evaluated(policy, first, deterministic=deterministic)
         options = {"batch": n_envs, **options}
@@ -93,12 +93,9 @@ class Episodes(Runner):
     @property
     def arguments(self) -> Mapping[str, Any]:
         """As `Runner.arguments`."""
-        own = {
-            name: value
-            for name, value in super().arguments.items()
-            if name not in {"policy", "policies"}
-        }
-        return {**own, "policy": self.evaluated, "n_envs": self._n_envs}
+        own = {**super().arguments, "policy": self.evaluated, "n_envs": self._n_envs}
+        own.pop("policies", None)
+        return own
 
     @property
     def origin(self) -> Any:  # noqa: ANN401
@@ -126,22 +123,15 @@ class Episodes(Runner):
         size = min(self._n_envs, len(tasks))
         while len(self._envs) < size:
             self._envs.append(self._another())
+        for env in self._envs[len(self._simulators) : size]:
+            self._simulators.append(self._simulator(self.evaluation_options, env=env))
 
         def begin(place: int, task: Task, policy: Policy) -> Simulation:
-            simulator = self._simulator_of(self._envs[place])
+            simulator = self._simulators[place]
             return self._begin(task.case, task.seed, above, None, policy, simulator, light=True)
 
         batch = SideBySide(size, begin, model, self.system.observation_space)
         yield from self._played(batch, tasks, above, light=True)
-
-    def _simulator_of(self, env: gym.Env[Any, Any]) -> Simulator:
-        """Return the simulator of an environment, made once for all its episodes."""
-        if id(env) not in self._simulators:
-            specs, duration = self.requirements, self._of_runs["duration"]
-            self._simulators[id(env)] = Simulator(
-                env, specs, self.signals, self.evaluation_options, duration=duration
-            )
-        return self._simulators[id(env)]
 
     @property
     def _model(self) -> Model | None:

@@ -317,9 +317,15 @@ class Runner:
         values = rtamt.evaluate(spec, trace.signals, n=trace.samples, **options)
         return float(values.min() if self.evaluation_options.view == "step" else values[0])
 
-    def _simulator(self, reading: EvaluationOptions, case: Case | None = None) -> Simulator:
+    def _simulator(
+        self,
+        reading: EvaluationOptions,
+        case: Case | None = None,
+        env: gym.Env[Any, Any] | None = None,
+    ) -> Simulator:
+        """Return a simulator of the system, or of another environment like it."""
         return Simulator(
-            self._system,
+            self._system if env is None else env,
             self.requirements,
             self.signals,
             reading,
