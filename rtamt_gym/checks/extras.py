@@ -107,10 +107,7 @@ def names_extra(message: str) -> bool:
 def naming_extra(error: ModuleNotFoundError, caller: str, extra: str = "") -> ModuleNotFoundError:
     """Return an error that names the extra; for other packages, the error itself.
 
-    Args:
-        error: The error of an import.
-        caller: The caller that needs the package.
-        extra: The extra that installs all packages of the caller.
+    ``extra`` installs all packages of the caller, if it needs more than one.
     """
     package = missing(error)
     if package is None:
@@ -120,12 +117,7 @@ def naming_extra(error: ModuleNotFoundError, caller: str, extra: str = "") -> Mo
 
 
 def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], object]:
-    """Return the ``__getattr__`` of a package, with errors that name the missing extra.
-
-    Args:
-        package: The ``__name__`` of the package.
-        definitions: The full name of the definition of each public name.
-    """
+    """Return the ``__getattr__`` of a package, with errors that name the missing extra."""
     load = rtamt.lazy.lazy_names(package, definitions)
 
     def load_or_name_extra(name: str) -> object:
@@ -140,9 +132,6 @@ def lazy_names(package: str, definitions: Mapping[str, str]) -> Callable[[str], 
 @cache
 def plugins(group: str) -> Mapping[str, Any]:
     """Return the objects that installed packages add to a table, by name.
-
-    Args:
-        group: The table, as in ``[project.entry-points."rtamt.optimizers"]``.
 
     Raises:
         InputError: If an entry cannot be loaded, or two have one name; the error names the package.

@@ -287,12 +287,9 @@ _BY_FLAG = {option.name.partition(" ")[0]: option for option in _SHARED}
 def add_options(
     parser: argparse._ActionsContainer, *options: str | Option, trial: str = "trial"
 ) -> None:
-    """Add options to a parser, or to a group of one.
+    """Add options to a parser or a group: flags of shared rows, and rows, in the order of the help.
 
-    Args:
-        parser: The parser of a command.
-        *options: Flags of shared rows, and rows, in the order of the help.
-        trial: The word of the command for one run, such as ``"episode"``.
+    ``trial`` is the word of the command for one run, such as ``"episode"``.
     """
     for option in options:
         (shared(option) if isinstance(option, str) else option).add_to(parser, trial)
@@ -308,8 +305,7 @@ def read_evaluation_options(arguments: argparse.Namespace) -> EvaluationOptions:
 def with_default_count(words: Iterable[str]) -> list[str]:
     """Return the command line with ``=1`` after each bare ``--require-triggered``.
 
-    The option takes a value only in the form ``--require-triggered=N``: the word after the bare
-    option is an argument of its own, such as a specification.
+    The word after the bare option is an argument of its own, such as a specification.
     """
     listed = [*words]
     for option, value in pairwise(listed):

@@ -10,7 +10,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -333,8 +333,13 @@ def load_record(path: Path, caller: str) -> tuple[list[Trial], dict[str, Any]]:
     """Read rows and metadata of a file, or the finished rows of a campaign's folder."""
     pa, parquet = _pyarrow(caller)
     if path.is_dir():
-        rows, campaign = finished(path, caller), read_campaign(path)
-        return [rows[number] for number in sorted(rows)], _with_reuse(campaign, path, rows)
+        finished_rows, campaign = finished(path, caller), read_campaign(path)
+        unseen = tuple(campaign.get("fingerprint", {}).get("unseen", ()))
+        mixtures = tuple(map(Mixture.read, campaign.get("mixtures", ())))
+        count = len(finished_rows)
+        reuse = Reuse(str(path), count, count, mixtures, (), unseen)
+        rows = [finished_rows[number] for number in sorted(finished_rows)]
+        return rows, {**campaign, "reuse": reuse.plain()}
     try:
         table = parquet.read_table(path)
     except pa.ArrowInvalid as error:
@@ -474,14 +479,6 @@ def _load_part(path: Path, caller: str, fix: str) -> tuple[list[Trial], dict[str
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise InputError(f"{path} is damaged: {reason}; {fix}") from error
     return rows, also
-
-
-def _with_reuse(campaign: dict[str, Any], path: Path, rows: Collection[int]) -> dict[str, Any]:
-    """Add known changes of the model to the description of a campaign."""
-    unseen = campaign.get("fingerprint", {}).get("unseen", ())
-    mixtures = tuple(map(Mixture.read, campaign.get("mixtures", ())))
-    reuse = Reuse(str(path), len(rows), len(rows), mixtures, (), tuple(unseen))
-    return {**campaign, "reuse": reuse.plain()}
 
 
 def _row(cells: Mapping[str, Any], metadata: Mapping[str, Any]) -> Trial:

@@ -119,13 +119,8 @@ class SavedCase:
     ) -> Self:
         """Return the case of a simulation that a runner has made.
 
-        Args:
-            runner: The runner.
-            name: The name of the requirement.
-            row: The simulation.
-            folder: The folder of the file.
-            system: The name of the system, as ``module:name``. Default: derived from the system.
-            policy: Names the policy. None: a function is named by its module.
+        ``folder`` is the folder of the file. ``system`` and ``policy`` name the system, as
+        ``module:name``, and the policy; by default, the names are derived.
 
         Raises:
             InputError: If a file can hold no name of the system, the policy or a signal.

@@ -40,14 +40,9 @@ SeededPolicy = Callable[[int], Policy]
 def policy_of(text: str, env: gym.Env[Any, Any], *, option: str = "--policy") -> SeededPolicy:
     """Make the policy that a text names, for an environment.
 
-    | text | policy |
-    |---|---|
-    | ``random`` | actions drawn from the space of actions, from the seed of the episode |
-    | ``zero`` | the action of the space that is nearest to zero |
-    | ``baseline`` | the scenario's own policy |
-    | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `load_policy` |
-    | ``module:function`` | a function from observation to action |
-    | ``module:Class`` | a class of these functions, constructed for each episode |
+    The names are ``random``, ``zero``, ``baseline``, ``sb3:FILE.zip`` (see `load_policy`),
+    ``module:function``, a function from observation to action, and ``module:Class``, a class of
+    these functions, constructed for each episode.
 
     Raises:
         InputError: If the text does not name a policy, it cannot be loaded, or it does not fit the
@@ -290,12 +285,10 @@ class Model:
 
     The model may be any object with ``predict(observation, state, episode_start,
     deterministic=...)`` that returns an action and the next state, for one observation or a batch.
-    A recurrent state starts again with every episode. Observations are normalized if the model was
-    trained with a ``VecNormalize``. Random actions come from generators of the episode; the global
-    generators of Torch and NumPy do not change.
+    A recurrent state starts again with every episode. Random actions come from generators of the
+    episode; the global generators of Torch and NumPy do not change.
 
     Attributes:
-        name: Its attribute ``name``, or the name of its class.
         deterministic: Whether it returns the best action, and not a random one.
         files: The files that it was loaded from; empty for a model in memory.
     """
@@ -482,35 +475,30 @@ def check_spaces(model: Any, env: gym.Env[Any, Any], name: str) -> None:  # noqa
     """Raise InputError if a model was trained in other spaces than an environment has."""
     for which in ("observation", "action"):
         trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
-        if trained is not None and not _alike(trained, has):
+        if trained is None:
+            continue
+        # Models of images move the channels, so compare sizes.
+        if type(trained) is not type(has) or spaces.flatdim(trained) != spaces.flatdim(has):
             raise InputError(
                 f"{name} was trained with the {which} space {described(trained)}, and "
                 f"{env.spec.id if env.spec else env} has {described(has)}"
             )
 
 
-def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
-    """Return whether two spaces have the same size; models of images move the channels."""
-    return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)
-
-
-ALGORITHMS: dict[str, tuple[str, str, frozenset[str]]] = {
-    name: (module, policies, frozenset(attributes))
-    for name, module, policies, attributes in (
-        ("RecurrentPPO", "sb3_contrib", "sb3_contrib.common.recurrent", ["clip_range"]),
-        ("MaskablePPO", "sb3_contrib", "sb3_contrib.common.maskable", ["clip_range"]),
-        ("TRPO", "sb3_contrib", "", ["cg_max_steps"]),
-        ("ARS", "sb3_contrib", "", ["n_delta"]),
-        ("TQC", "sb3_contrib", "", ["top_quantiles_to_drop_per_net"]),
-        ("CrossQ", "sb3_contrib", "", ["policy_delay", "target_entropy"]),
-        ("QRDQN", "sb3_contrib", "", ["n_quantiles"]),
-        ("TD3", "stable_baselines3", "", ["policy_delay"]),
-        ("DDPG", "stable_baselines3", "", ["policy_delay"]),
-        ("SAC", "stable_baselines3", "", ["target_entropy"]),
-        ("DQN", "stable_baselines3", "", ["exploration_fraction"]),
-        ("PPO", "stable_baselines3", "", ["clip_range"]),
-        ("A2C", "stable_baselines3", "", ["gae_lambda"]),
-    )
+ALGORITHMS: dict[str, tuple[str, str, set[str]]] = {
+    "RecurrentPPO": ("sb3_contrib", "sb3_contrib.common.recurrent", {"clip_range"}),
+    "MaskablePPO": ("sb3_contrib", "sb3_contrib.common.maskable", {"clip_range"}),
+    "TRPO": ("sb3_contrib", "", {"cg_max_steps"}),
+    "ARS": ("sb3_contrib", "", {"n_delta"}),
+    "TQC": ("sb3_contrib", "", {"top_quantiles_to_drop_per_net"}),
+    "CrossQ": ("sb3_contrib", "", {"policy_delay", "target_entropy"}),
+    "QRDQN": ("sb3_contrib", "", {"n_quantiles"}),
+    "TD3": ("stable_baselines3", "", {"policy_delay"}),
+    "DDPG": ("stable_baselines3", "", {"policy_delay"}),
+    "SAC": ("stable_baselines3", "", {"target_entropy"}),
+    "DQN": ("stable_baselines3", "", {"exploration_fraction"}),
+    "PPO": ("stable_baselines3", "", {"clip_range"}),
+    "A2C": ("stable_baselines3", "", {"gae_lambda"}),
 }
 """The package of each algorithm, the module of its policies if that identifies it, and the
 attributes that distinguish it from the algorithms below. A file of DDPG is read as TD3, which acts
@@ -523,11 +511,6 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl`` in the same
     folder, if it exists. Both files hold pickled Python objects, which can do anything when they
     are loaded.
-
-    Raises:
-        InputError: If the file is not a model, its algorithm is unknown, it or the ``VecNormalize``
-            cannot be loaded, or it was trained in other spaces than the environment has.
-        OSError: If the file cannot be opened.
     """
     # A path may start with the letter of a drive.
     algorithm, file = re.fullmatch(r"(?:([\w.]{2,}):)?(.+)", text, re.DOTALL).groups()  # type: ignore[union-attr]  # it matches any text

@@ -144,7 +144,8 @@ def falsify(
         <Falsification: spec of tank falsified, 2 simulations, robustness -0.2>
     """
     chosen = find_optimizer(optimizer)
-    name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
+    own_name = getattr(optimizer, "__name__", type(optimizer).__name__)
+    name = optimizer if isinstance(optimizer, str) else str(own_name)
     budget, seed = check_count(Argument("budget"), budget), check_whole(Argument("seed"), seed)
     options = checked_options(reading, falsify, "episodes")
 
@@ -290,10 +291,6 @@ def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tupl
     return search.trials[-1].row, 0
 
 
-def _name_of(optimizer: Any) -> str:  # noqa: ANN401 - any function
-    return str(getattr(optimizer, "__name__", type(optimizer).__name__))
-
-
 def _carry(error: BaseException, result: Falsification) -> None:
     """Attach the result so far to an error as ``falsification``, with a note."""
     with suppress(AttributeError):  # an error class may refuse attributes
@@ -351,7 +348,8 @@ def _fewer_points(signal: Signal, budget: _Budget) -> None:
     """Make a signal constant, or remove control points one by one."""
     wave = budget.case[signal.name]
     assert isinstance(wave, Waveform)  # noqa: S101 - the space has made it
-    for value in dict.fromkeys([_mean(wave), *wave.values]):
+    mean = math.fsum(wave.values) / len(wave.values)
+    for value in dict.fromkeys([mean, *wave.values]):
         if len(wave.values) > 1 and budget.attempt(signal.name, Waveform([0.0], [value])):
             return
     index = len(wave.values) - 1
@@ -372,10 +370,6 @@ def _without(wave: Waveform, at: int) -> Waveform | None:
     # The first time stays, because a waveform keeps its first value before that time.
     del times[max(at, 1)], values[at]
     return Waveform(times, values, wave.interpolation)
-
-
-def _mean(wave: Waveform) -> float:
-    return math.fsum(wave.values) / len(wave.values)
 
 
 def _fewer_digits(entry: Signal | Parameter, budget: _Budget) -> None:

@@ -102,8 +102,8 @@ def spread(groups: Sequence[slice], rng: np.random.Generator) -> Iterator[Floats
 
     Every second point uses all control points, with values of the arcsine distribution, which
     prefers the ends of the range. Every fourth point has half as many pieces, and every fourth has
-    one, two or three pieces in turn: such an input keeps a value over neighbouring control points.
-    Uniform points over all control points hardly ever keep an input high or low for long.
+    one, two or three pieces in turn, because uniform points over all control points hardly ever
+    keep an input high or low for long.
     """
     most = max(map(_size, groups))
     half = (most + 1) // 2

@@ -164,7 +164,6 @@ class Tightest:
         tighter: The number of the neighbour, where the requirement does not hold.
         failing: The traces that do not satisfy it there, in ascending order of robustness.
         robustness: The robustness of each failing trace at the tightest value.
-        evaluations: The number of evaluations of a trace.
         probes: The number of values at which every trace was judged.
     """
 

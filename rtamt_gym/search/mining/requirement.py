@@ -53,9 +53,6 @@ class Template:
 
     Attributes:
         text: The requirement, as it was passed.
-        parameter: The name of the parameter.
-        low: The lower end of the range.
-        high: The upper end of the range.
         unit: The unit of the parameter if it bounds a time, as in ``eventually[0:?t](x > 1)``; None
             if it does not.
     """
@@ -135,13 +132,9 @@ def template(
 ) -> Template:
     """Read a requirement and the range of its parameter.
 
-    Args:
-        requirement: A text in which ``?name`` is the parameter, or a text or a specification that
-            defines a constant of this name.
-        ranges: The range of the parameter.
-        constants: Values of other parameters and constants.
-        every: Whether the requirement has to hold at every sample, not at the first only.
-        text: The displayed text of the requirement; empty for the original text.
+    The parameter is ``?name`` in a text, or a constant that the text or specification defines. With
+    ``every``, the requirement has to hold at every sample, not at the first only. ``text`` is the
+    displayed text; empty for the original text.
     """
     if not isinstance(requirement, str | rtamt.Specification):
         raise InputTypeError(

@@ -85,13 +85,14 @@ def problem_of(space: Space) -> dict[str, Any]:
 
 
 def _grid(space: Space, samples: SampleCount) -> Points:
-    axes = [
-        _shares(len(entry.values))
-        if isinstance(entry, Parameter) and entry.values is not None
-        else _ticks(count)
-        for entry, counts in zip(space, _counts(space, samples), strict=True)
-        for count in counts
-    ]
+    axes: list[Points] = []
+    for entry, counts in zip(space, _counts(space, samples), strict=True):
+        for count in counts:
+            if isinstance(entry, Parameter) and entry.values is not None:
+                size = len(entry.values)
+                axes.append((np.arange(size) + 0.5) / size)  # the middles of equal parts
+            else:  # a single value is the middle
+                axes.append(np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5]))
     total = math.prod(map(len, axes))
     if total * len(axes) > _MOST:
         raise InputError(
@@ -134,16 +135,6 @@ def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
         )
         counts.append([count] * len(entry.columns))
     return counts
-
-
-def _ticks(count: int) -> Points:
-    """Return evenly spaced values from 0 to 1; a single value is the middle."""
-    return np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
-
-
-def _shares(count: int) -> Points:
-    """Return the middles of `count` equal parts."""
-    return (np.arange(count) + 0.5) / count
 
 
 def _sobol(space: Space, count: int, seed: int) -> Points:
