@@ -50,7 +50,7 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
     """Make the system that the command line names, and close it at the end."""
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.systems.policies import policy_of
-    from rtamt_gym.systems.references import named_system
+    from rtamt_gym.systems.registry import named_system
 
     if options.policy == "random":
         raise InputError(

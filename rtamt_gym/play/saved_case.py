@@ -29,7 +29,7 @@ from rtamt_gym.results.provenance import Fingerprint, check_unchanged, versions_
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.systems.fingerprints import fingerprint_of
 from rtamt_gym.systems.policies import policy_of
-from rtamt_gym.systems.references import (
+from rtamt_gym.systems.registry import (
     import_path,
     named_object,
     named_system,

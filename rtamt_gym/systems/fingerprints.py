@@ -27,6 +27,7 @@ import rtamt
 from rtamt_gym.results.provenance import Fingerprint, file_hash, versions_in_use
 from rtamt_gym.systems.fmi import Fmus
 from rtamt_gym.systems.policies import Model
+from rtamt_gym.systems.registry import MAKERS
 from rtamt_gym.systems.source_files import HOUSE, READ, ModuleFiles, is_installed, model_files
 
 _SIMULATORS: Final = frozenset({"fmpy", "mujoco"})
@@ -51,15 +52,6 @@ _DEPTH: Final = 50
 
 _ELEMENTS: Final = 1000
 """The maximum number of elements of a list that JSON cannot represent."""
-
-
-_MAKERS: Final[dict[int, tuple[object, object]]] = {}
-"""Objects that a user's function has made, with the function, by id."""
-
-
-def made_by(thing: object, maker: object) -> None:
-    """Store the function that made an object: its source belongs to the fingerprint."""
-    _MAKERS[id(thing)] = thing, maker
 
 
 def fingerprint_of(system: Iterable[object], policy: Iterable[object] = ()) -> Fingerprint:
@@ -132,7 +124,7 @@ class _Collector:
             return
         self._depth += 1
         try:
-            self.add(_MAKERS.get(id(thing), (None, None))[1])
+            self.add(MAKERS.get(id(thing), (None, None))[1])
             self._add_kind(thing, name, values=values)
         finally:
             self._depth -= 1

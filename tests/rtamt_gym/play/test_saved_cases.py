@@ -25,7 +25,7 @@ import rtamt
 from rtamt import RtamtError
 from rtamt_gym import Case, Fmus, Parameter, Runner, Signal, Space, falsify
 from rtamt_gym.results import SavedCase
-from rtamt_gym.systems.references import import_path, named_object, named_system, system_name
+from rtamt_gym.systems.registry import import_path, named_object, named_system, system_name
 
 DRIVE = [Signal("drive", -2, 2, points=3, interpolation="pchip"), Parameter("gain", 0, 2)]
 KINDS: dict[str, Callable[[], Kind]] = {
