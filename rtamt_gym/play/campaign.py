@@ -28,13 +28,15 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.folder import Folder, digest
 from rtamt_gym.play.loop import Task
-from rtamt_gym.play.offline_runner import OfflineRunner
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.runner import CaseLike, Runner
 from rtamt_gym.play.workers import Making, Setup, end_processes, run_chunk
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Fingerprint, Provenance, listed
 from rtamt_gym.results.trial import Trial
+
+Wrap = Callable[[Runner], Any]
+"""Returns an object that runs cases as the runner does, with ``run`` and ``close``."""
 
 Enough = Callable[[Trial], bool]
 """Returns whether no rows after this one are needed."""
@@ -278,10 +280,10 @@ class Recipe:
     """
 
     def __init__(
-        self, runner: Runner, *, offline: bool = False, fingerprint: Fingerprint | None = None
+        self, runner: Runner, wrap: Wrap | None = None, fingerprint: Fingerprint | None = None
     ) -> None:
         self._fingerprint = fingerprint
-        self._offline = offline
+        self._wrap = wrap
         self._system = runner.origin
         self._requirements = runner.requirements
         self._kind = type(runner)
@@ -293,7 +295,7 @@ class Recipe:
         ):
             self._system = spec
 
-    def runner(self) -> Runner | OfflineRunner:
+    def runner(self) -> Any:  # noqa: ANN401 - as `Wrap`
         """Make the runner."""
         system = self._system
         if isinstance(system, EnvSpec):
@@ -304,9 +306,7 @@ class Recipe:
             here = runner.fingerprint()
             if changes := there.common(here).changes(here.common(there)):
                 raise InputError(f"{listed(changes)} since the run began, or on this machine")
-        if self._offline:
-            return OfflineRunner(runner)
-        return runner
+        return runner if self._wrap is None else self._wrap(runner)
 
     def pickled(self, name: str) -> bytes:
         """Return the recipe as bytes, including functions of the main program and nested ones."""
@@ -357,7 +357,8 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 class ParallelRunner:
     """Runs cases on several processes or machines; the rows equal the runner's own rows.
 
-    The options are the options of `run_campaign`; `offline` makes it use an `OfflineRunner`.
+    The options are the options of `run_campaign`; ``wrap`` is called with the
+    runner of each process.
     """
 
     def __init__(
@@ -366,8 +367,7 @@ class ParallelRunner:
         n_jobs: int | None,
         backend: ClusterBackend | None,
         timeout: float | None,
-        *,
-        offline: bool = False,
+        wrap: Wrap | None = None,
     ) -> None:
         try:
             import_module("joblib")
@@ -381,7 +381,7 @@ class ParallelRunner:
         self._runner = runner
         self._n_jobs, self._backend, self._timeout = n_jobs, backend, timeout
         self._name = uuid4().hex
-        recipe = Recipe(runner, offline=offline, fingerprint=runner.fingerprint())
+        recipe = Recipe(runner, wrap, runner.fingerprint())
         self._recipe = recipe.pickled(runner.name)
 
     def close(self) -> None:

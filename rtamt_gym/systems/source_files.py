@@ -92,10 +92,12 @@ class ModuleFiles:
         package = name if path.stem == "__init__" else name.rpartition(".")[0]
         self.trees[path] = tree
         for node in ast.walk(tree):
-            for module in self._imports(node, package, path):
-                self._follow(module, root)
-            for text in _file_names(node):
-                self._add_read(text, path, root)
+            if isinstance(node, ast.Import | ast.ImportFrom | ast.Call):
+                for module in self._imports(node, package, path):
+                    self._follow(module, root)
+            if isinstance(node, ast.Constant | ast.BinOp | ast.Call):
+                for text in _file_names(node):
+                    self._add_read(text, path, root)
 
     def defines(self, path: Path, name: str) -> bool:
         """Return whether a module defines a class of a name; True if it is unknown."""

@@ -19,9 +19,9 @@ from rtamt_gym import Runner, Space
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.play.history import Stop
 from rtamt_gym.play.loop import PlayBatch, SideBySide, Task, play
-from rtamt_gym.play.offline_runner import OfflineRunner, prefers_offline
 from rtamt_gym.results.outcome import Moment
 from rtamt_gym.results.trial import Trial
+from rtamt_gym.search.falsification.search import OfflineRunner, prefers_offline
 from rtamt_gym.systems.policies import Model
 
 TASKS = [Task(i, Case({}), i) for i in range(5)]
