@@ -162,8 +162,6 @@ def test_an_fmu_is_heard_after_a_later_one_was_freed(tank: Path) -> None:
     early.close()
 
 
-pytest.importorskip("rtamt._native", reason="no compiler was at hand")
-
 OPEN = "always(monitor.verdict >= -1 and tank.level < 99)"
 """What holds anyway, so that it ends no simulation."""
 
@@ -173,6 +171,7 @@ TEXT = "const float most = 3; rises = inflow > 1; safe = always(rises implies le
 @pytest.fixture(scope="module", params=[2, 3])
 def folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tank and a monitor of it, both of one version of FMI."""
+    pytest.importorskip("rtamt._native", reason="no compiler was at hand")
     fmi: Any = request.param
     folder = tmp_path_factory.mktemp(f"monitored{fmi}")
     write_fmu(folder / "tank.fmu", library(fmi, folder), fmi)

@@ -15,6 +15,8 @@ from rtamt import InputError
 from rtamt_gym import simulate
 from rtamt_gym.systems.policies import policy_of
 
+EXPECTED = "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+
 FILES = {
     "rtamt_driver.py": """\
 import numpy as np
@@ -104,48 +106,13 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "randm",
-            (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                "got 'randm'; "
-                "did you mean 'random'?"
-            ),
-        ),
-        (
-            "rtamt_driver",
-            (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                "got "
-                "'rtamt_driver'; write rtamt_driver:FUNCTION for a function of a module"
-            ),
-        ),
+        ("randm", f"{EXPECTED}'randm'; did you mean 'random'?"),
         *(
-            (
-                text,
-                (
-                    "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                    f"got {text!r}"
-                ),
-            )
-            for text in ("", ":", ":act", "sb3:", "sb3", "a b")
+            (text, f"{EXPECTED}{text!r}; write rtamt_driver:FUNCTION for a function of a module")
+            for text in ("rtamt_driver", "rtamt_driver:")
         ),
-        (
-            "rtamt_driver:",
-            (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                "got "
-                "'rtamt_driver:'; write rtamt_driver:FUNCTION for a function of a module"
-            ),
-        ),
-        (
-            "best.zip",
-            (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                "got 'best.zip'; "
-                "write sb3:best.zip"
-            ),
-        ),
+        *((text, f"{EXPECTED}{text!r}") for text in ("", ":", ":act", "sb3:", "sb3", "a b")),
+        ("best.zip", f"{EXPECTED}'best.zip'; write sb3:best.zip"),
         (
             "src/rtamt_driver.py:act",
             (
