@@ -35,8 +35,6 @@ from rtamt_gym.results.warnings import (
 from rtamt_gym.search.falsification.points import Coverage, Effects
 from rtamt_gym.tables import counted, number
 
-__all__ = ["Falsification", "with_inputs"]
-
 _WIDTH = 79
 _CURVE_POINTS = 100
 """The points of a waveform in a notebook."""

@@ -47,7 +47,6 @@ from rtamt_gym.tables import counted
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.play.campaign import ClusterBackend
 
-__all__ = ["IrreproducibleWarning", "falsify", "reduced"]
 
 _REDUCTIONS: Final = 200
 """The maximum number of simulations of a reduction."""

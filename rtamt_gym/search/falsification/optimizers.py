@@ -33,19 +33,6 @@ from rtamt_gym.search.falsification.points import (
     take,
 )
 
-__all__ = [
-    "GROUP",
-    "OPTIMIZERS",
-    "Climb",
-    "OptimizerLike",
-    "described",
-    "find_optimizer",
-    "optimizers",
-    "population_of",
-    "portfolio",
-]
-
-
 _STALL: Final = 12
 """A climb ends after this many generations without a better value."""
 

@@ -16,8 +16,6 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
 from rtamt_gym.play.history import SimulatedTrace
 
-__all__ = ["checked_scales", "in_scales", "spreads"]
-
 
 def checked_scales(
     scales: Mapping[str, float] | Literal["plain"] | None, specs: Mapping[str, Specification]

@@ -18,19 +18,6 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.tables import counted, number, shorten
 
-__all__ = [
-    "PROBES",
-    "Candidates",
-    "FloatValues",
-    "GridValues",
-    "Tightest",
-    "ValueVerdict",
-    "bounds_between",
-    "text_of",
-    "tightest",
-    "values_between",
-]
-
 
 @dataclass(frozen=True)
 class GridValues:

@@ -33,9 +33,6 @@ from rtamt_gym.search.mining.requirement import Ranges, Template, template
 from rtamt_gym.search.mining.traces import Samples, Traces, samples_of
 from rtamt_gym.tables import counted, number, shorten, wrapped
 
-__all__ = ["Mined", "Witness", "mine", "mined_over"]
-
-
 _SIDES: Final = {"least": "smallest", "greatest": "largest"}
 """The words for the side of a mined value."""
 

@@ -16,8 +16,6 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.formulas import require_whole_episode
 from rtamt_gym.tables import number
 
-__all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]
-
 Ranges = Mapping[str, tuple[float, float]]
 """The smallest and the largest value of a parameter, by its name."""
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rtamt_gym.results.trial import RunEnd
     from rtamt_gym.search.sweeps.sweep import Sweep
 
-__all__ = ["Samples", "Traces", "notes_on", "samples_of"]
 
 TraceLike = Any
 """Columns by name, a data frame, an array, the path of a file, or a `Run`."""

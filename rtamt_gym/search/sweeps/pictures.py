@@ -19,8 +19,6 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.search.sweeps.effects import RobustnessMap, text_of
 from rtamt_gym.tables import shorten
 
-__all__ = ["draw_map", "draw_scatter"]
-
 _COLOURS = LinearSegmentedColormap.from_list(
     "robustness",
     [drawing.VERDICT_COLOURS[Verdict.VIOLATED], "#FFFFFF", drawing.VERDICT_COLOURS[Verdict(1)]],

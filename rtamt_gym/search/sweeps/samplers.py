@@ -20,8 +20,6 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.space import Parameter, Space
 
-__all__ = ["LEVELS", "SampleCount", "Sampler", "problem_of", "sample"]
-
 Sampler = Literal["grid", "sobol", "lhs", "random", "morris", "saltelli"]
 """The way to choose the points of a sweep; docs/sweeps.md describes each."""
 

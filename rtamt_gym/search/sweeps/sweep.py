@@ -38,8 +38,6 @@ from rtamt_gym.tables import counted
 if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.play.campaign import ClusterBackend
 
-__all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
-
 
 class FailedSimulationWarning(UserWarning):
     """Some simulations of a sweep ended with an error."""
