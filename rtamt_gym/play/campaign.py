@@ -35,11 +35,28 @@ from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.provenance import Fingerprint, Provenance, listed
 from rtamt_gym.results.trial import Trial
 
+ClusterBackend = Literal["dask", "ray"]
+"""The backends of joblib with workers on other machines."""
+
+NumberedTrials = list[tuple[int, Trial]]
+"""Trials with the numbers of their tasks."""
+
+
 Wrap = Callable[[Runner], Any]
 """Returns an object that runs cases as the runner does, with ``run`` and ``close``."""
 
 Enough = Callable[[Trial], bool]
 """Returns whether no rows after this one are needed."""
+
+
+_SECONDS: Final = 1.0
+"""The target duration of a chunk: a kill loses that much, and a chunk is saved in less time."""
+
+_MOST: Final = 1000
+"""The maximum number of tasks in a chunk."""
+
+_SIDE_BY_SIDE = ("batch", "n_envs")
+"""Options that set the number of simultaneous runs, and change no row."""
 
 
 def run_campaign(
@@ -201,22 +218,6 @@ def _run_here(runner: Runner, tasks: Sequence[Task]) -> NumberedTrials:
         carried.finished = finished
         raise
     return finished
-
-
-ClusterBackend = Literal["dask", "ray"]
-"""The backends of joblib with workers on other machines."""
-
-NumberedTrials = list[tuple[int, Trial]]
-"""Trials with the numbers of their tasks."""
-
-_SECONDS: Final = 1.0
-"""The target duration of a chunk: a kill loses that much, and a chunk is saved in less time."""
-
-_MOST: Final = 1000
-"""The maximum number of tasks in a chunk."""
-
-_SIDE_BY_SIDE = ("batch", "n_envs")
-"""Options that set the number of simultaneous runs, and change no row."""
 
 
 def check_workers(

@@ -43,6 +43,10 @@ _THREADS: Final = (
 """The environment variables that set how many threads libraries start."""
 
 
+_EVERY: Final = 0.05
+"""Seconds between messages with rows; if the process dies, later rows run again."""
+
+
 @dataclass(frozen=True)
 class Setup:
     """The data that a worker needs to run tasks of a campaign."""
@@ -238,10 +242,6 @@ def _drop(name: str, process: _Process) -> None:
     process.free()
     with _lock:
         _all.get(name, set()).discard(process)
-
-
-_EVERY: Final = 0.05
-"""Seconds between messages with rows; if the process dies, later rows run again."""
 
 
 class Making:

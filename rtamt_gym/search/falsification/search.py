@@ -1,4 +1,4 @@
-"""`Search`: the evaluation of points for an optimizer, and the results of the search."""
+"""`Search`: simulates the points of an optimizer, in its folder and offline where it is faster."""
 
 from __future__ import annotations
 
@@ -43,6 +43,13 @@ _WORST: Final = 1e12
 
 _FIRST: Final = 8
 """The number of first runs from which scales are computed."""
+
+
+_SECONDS: Final = 1.0
+"""The time between writes; a killed process loses the simulations of this time."""
+
+_SEARCH: Final = "search"
+"""The key of the fields that are stored next to the rows."""
 
 
 class SearchOver(BaseException):
@@ -368,13 +375,6 @@ def _height(row: Trial, name: str) -> float:
         return math.nan
     outcome = row.outcomes[name]
     return outcome.lower if row.ended == "known" else outcome.robustness
-
-
-_SECONDS: Final = 1.0
-"""The time between writes; a killed process loses the simulations of this time."""
-
-_SEARCH: Final = "search"
-"""The key of the fields that are stored next to the rows."""
 
 
 class ValuedTrial(NamedTuple):
