@@ -326,8 +326,7 @@ class Recipe:
     def identity(self, requirements: Mapping[str, str]) -> dict[str, Any]:
         """Return the identity of the rows of this runner, for JSON.
 
-        A function, and an object that JSON cannot store, is represented by its name: the
-        fingerprint of the runner covers its source and its values.
+        A function is represented by its name: the fingerprint of the runner covers its source.
         """
         system = self._system
         return {

@@ -166,12 +166,7 @@ class HistoriesOnDemand(Mapping[str, History]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedTrace:
-    """The samples of one simulation.
-
-    Attributes:
-        signals: The values of every variable, by name.
-        period: Seconds between samples, or None.
-    """
+    """The samples of one simulation: the values of every variable, and seconds between them."""
 
     signals: Mapping[str, Floats]
     period: Fraction | None

@@ -163,12 +163,7 @@ class NativeRollouts:
 
 
 class NativeRun:
-    """The run of one place, a `PlayEpisode`; its batch plays it.
-
-    Attributes:
-        wall: Seconds that it took so far.
-        last: The last sample of a run that is over.
-    """
+    """The run of one place, a `PlayEpisode`; its batch plays it."""
 
     def __init__(self, batch: NativeBatch, place: int, seed: int | None) -> None:
         self._batch, self._place, self._seed = batch, place, seed
@@ -201,14 +196,7 @@ class NativeRun:
 class NativeBatch(PlayBatch):
     """The runs of one reset, of cases of one kind; all places step together.
 
-    Attributes:
-        period: Seconds between samples, after the start; None if bounds count samples.
-
-    Args:
-        rollouts: The environment and the judge of the runs.
-        count: The number of runs, at most the size of the rollouts.
-        above: As for `rtamt_gym.simulate`; None: without monitors, so that trials have no outcomes.
-        keeps: Whether to keep the samples.
+    If ``above`` is None, the runs have no monitors, and their trials no outcomes.
     """
 
     period: Fraction | None

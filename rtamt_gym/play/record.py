@@ -400,8 +400,7 @@ def finished(path: Path, caller: str) -> dict[int, Trial]:
 def parts(path: Path, caller: str) -> Iterator[tuple[list[int], list[Trial], dict[str, Any]]]:
     """Yield the task numbers, the runs and the metadata of each file of finished runs.
 
-    The file of a finished campaign comes first. A search that continues with a larger budget adds
-    further files.
+    The file of a finished campaign comes first: a larger budget adds further files.
     """
     if (path / RECORD).exists():
         rows, also = _load_part(path / RECORD, caller, _OTHER)

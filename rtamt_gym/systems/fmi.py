@@ -372,8 +372,7 @@ def _fmpy() -> Any:  # noqa: ANN401 - FMPy is not typed
 class Interrupts:
     """Stores a ``KeyboardInterrupt`` that comes while an FMU sends a message.
 
-    Python raises it in the callback, and ctypes cannot pass it through the FMU: it would go to
-    `sys.unraisablehook`, and the simulation would continue.
+    Python raises it in the callback, and ctypes cannot pass it through the FMU.
     """
 
     def __init__(self) -> None:

@@ -381,7 +381,6 @@ class ValuedTrial(NamedTuple):
     """A simulation of a search, with its value for the optimizer.
 
     Attributes:
-        row: The simulation.
         least: The requirement with the smallest robustness, in units of the scales.
         value: This robustness, or a bound of it; the optimizer gets this number.
         violated: The requirement that it violates; None if it violates none.
@@ -461,8 +460,7 @@ class SearchFolder:
     def finish(self, record: Record, trials: list[ValuedTrial]) -> None:
         """Replace the parts by one file with all simulations of a finished search.
 
-        If the folder holds more simulations, as after a call with a smaller budget, it stays as it
-        is.
+        After a call with a smaller budget, the folder holds more simulations and stays as it is.
         """
         self.write()
         more = any(number >= len(trials) for number in self._known)

@@ -144,11 +144,10 @@ class ValueVerdict(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Tightest:
-    """The tightest value, with its evidence.
+    """The tightest value, with its evidence; values and traces are numbers.
 
     Attributes:
-        place: The number of the value.
-        tighter: The number of the neighbour, where the requirement does not hold.
+        tighter: The neighbour of the value, where the requirement does not hold.
         failing: The traces that do not satisfy it there, in ascending order of robustness.
         robustness: The robustness of each failing trace at the tightest value.
         probes: The number of values at which every trace was judged.

@@ -45,10 +45,7 @@ class Samples:
     Attributes:
         name: The name in messages.
         source: The trace as passed; for a sweep, the `Row`.
-        signals: The values of the variables, as for `rtamt.judge`.
         reading: The evaluation options, with the period in seconds and the end mode.
-        n: The number of samples, if it is known.
-        start: The time of the first sample.
         notes: Changes to the trace that its file does not show, in sentences.
         stopped: Whether the trace is a run that stopped at a verdict.
     """
