@@ -150,16 +150,10 @@ def equivalent(
 
 
 class RequirementQuestions:
-    """The requirements of a call of `check`, with one search for traces and the assumptions.
+    """The requirements of a call of `check`, the search for traces, and what every trace assumes.
 
-    It has the arguments and raises the errors of `check`.
-
-    Attributes:
-        specs: The requirements by name.
-        period: Seconds between samples, or None.
-        end: The end mode.
-        search: The search for traces.
-        assumed: The goal that every trace must reach; empty without an assumption.
+    It has the arguments and raises the errors of `check`. ``assumed`` is empty without an
+    assumption.
     """
 
     def __init__(
@@ -245,10 +239,7 @@ def _named_requirements(specs: Spec | Mapping[str, Spec]) -> dict[str, Specifica
 
 
 def _ranges(specs: Iterable[Specification]) -> dict[str, tuple[float, float]]:
-    """Return the values of each variable that all specifications allow.
-
-    A specification may declare the range of a variable that only another one uses.
-    """
+    """Return the values of each variable that all specifications allow."""
     specs = [*specs]
     used = dict.fromkeys(name for spec in specs for name in spec.variables)
     ranges: dict[str, tuple[float, float]] = {}
@@ -269,13 +260,7 @@ def _ranges(specs: Iterable[Specification]) -> dict[str, tuple[float, float]]:
 def _checked_rates(
     rates: Mapping[str, ValueRange] | None, variables: Iterable[str]
 ) -> dict[str, ValueRange]:
-    """Return rates as pairs of numbers.
-
-    Raises:
-        InputError: If a variable is in no specification, or a rate is not a pair of numbers with
-            the lower one first.
-        InputTypeError: If the rates are not a mapping.
-    """
+    """Return rates as pairs of numbers, the lower one first."""
     if rates is None:
         return {}
     if not isinstance(rates, Mapping):
@@ -375,10 +360,7 @@ class _Checker:
         return why
 
     def _clash(self, result: SearchAnswer) -> _Clash:
-        """Return a minimal set of conjuncts and limits that cannot hold together.
-
-        It is empty for a single conjunct without limits.
-        """
+        """Return a minimal set of conjuncts and limits that clash; empty for one conjunct alone."""
         assumed, more = self._questions.assumed, _Clash()
         if assumed and self._questions.search.find([Goal(self.program, holds=True)]).trace:
             more.append((f"assumed: {assumed[0].program.specification.formula}", None))
@@ -493,11 +475,7 @@ def _implications(
 def _pairs(
     specs: Spec | Mapping[str, Spec], others: Spec | Mapping[str, Spec]
 ) -> dict[str, tuple[Specification, Specification]]:
-    """Return requirements with their namesakes; two single requirements are a pair.
-
-    Raises:
-        InputError: If a name is on one side only.
-    """
+    """Return requirements with their namesakes; two single requirements are a pair."""
     ones, twos = _named_requirements(specs), _named_requirements(others)
     if len(ones) == len(twos) == 1:
         (other,) = twos.values()

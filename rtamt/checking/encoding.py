@@ -44,19 +44,10 @@ def truth(
     loop: int = 0,
     deadline: float = math.inf,
 ) -> Truth:
-    """Return whether the result of a program holds at the first sample.
+    """Return whether the result of a program holds at the first of ``count`` samples.
 
-    Args:
-        graph: The graph to add truths to.
-        samples: The truths of terms.
-        program: The program.
-        count: The number of samples.
-        world: What follows the last sample of a trace that ends.
-        loop: The number of last samples that repeat for ever; 0: the trace ends.
-        deadline: The latest `time.monotonic` for an answer.
-
-    Raises:
-        TimeoutError: After the deadline.
+    The last ``loop`` samples repeat for ever; 0: the trace ends. TimeoutError is raised after the
+    deadline.
     """
     program = positive(program).with_zero(0.0 if world.best else -0.0)
     encoding = _Encoding(graph, samples, program, count - 1, loop, deadline)
@@ -206,12 +197,7 @@ def _identity(fold: str) -> TruthElement:
 
 
 class _Folds:
-    """Folds of truths over windows, which share their common parts.
-
-    Attributes:
-        start: The first time of the repeated elements.
-        nothing: The element outside of the trace.
-    """
+    """Folds of truths over windows, which share their parts; they repeat from ``start`` on."""
 
     def __init__(
         self, graph: Graph, fold: str, operands: Sequence[_History], end: int | None, loop: int
@@ -381,12 +367,7 @@ def change_times(programs: Iterable[Program], most: int) -> Iterator[tuple[int, 
     """Yield sets of samples where traces may change, from few to many.
 
     The first trace does not change. The second changes at the corners of windows and one sample
-    later, the third also halfway between these times, and the last also at all multiples of half
-    the shortest window.
-
-    Args:
-        programs: The programs that the traces are for.
-        most: The number of samples of a trace.
+    later, the third also halfway between, the last also at multiples of half the shortest window.
     """
     yield (0,)
     every = [positive(program) for program in programs]
@@ -435,14 +416,9 @@ ValueRange = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class VariableLimits:
-    """The ranges and rates of variables on every trace.
+    """The ranges of variables on every trace, and their rates per second or sample.
 
-    Attributes:
-        ranges: The minimum and maximum value of variables.
-        rates: The minimum and maximum change of variables per second, or per sample if there is
-            no period.
-        period: Seconds between samples, or None.
-        steps: The minimum and maximum change of variables from one sample to the next.
+    ``steps`` has the minimum and maximum change from one sample to the next.
     """
 
     ranges: Mapping[str, ValueRange] = field(default_factory=dict)
@@ -480,14 +456,9 @@ class VariableLimits:
         loop: int,
         room: float = 0.0,
     ) -> list[Truth]:
-        """Return a truth for each limit of some variables: the trace keeps the limit.
+        """Return a truth for each limit of some variables, which may change at some times.
 
-        Args:
-            graph: The graph to add truths to.
-            variables: The variables.
-            times: The samples where values may change, in order.
-            loop: The number of last samples that repeat for ever; 0: the trace ends.
-            room: The share of a step to leave free at both of its ends.
+        The last ``loop`` samples repeat. ``room`` is the share of a step to leave free at its ends.
         """
         names = [*dict.fromkeys(variables)]
         pairs = [*itertools.pairwise(times)]

@@ -328,14 +328,10 @@ def _context(program: Program) -> int:
 
 @dataclass(frozen=True, slots=True)
 class NearMiss:
-    """The description of an example.
+    """The description of an example that makes the point ``why``.
 
-    Attributes:
-        kind: The point that it makes.
-        why: This point in words.
-        also: Other formulas, and whether each holds on the trace.
-        wished: Further formulas that are dropped if no trace can fulfil them.
-        holds: Whether the trace satisfies the formula; otherwise, it violates it.
+    ``also`` has other formulas, and whether each holds on the trace; ``wished`` has formulas that
+    are dropped if no trace can fulfil them.
     """
 
     kind: ExampleKind
@@ -346,13 +342,7 @@ class NearMiss:
 
 
 def near_misses(formula: Formula, step: Fraction | None, unit: str) -> list[NearMiss]:
-    """Return the near misses of a formula, the most informative first.
-
-    Args:
-        formula: The formula.
-        step: Seconds between samples; None: bounds are numbers of samples.
-        unit: The unit of bounds without one.
-    """
+    """Return the near misses of a formula, the most informative first."""
     triggers = [*_of_implications(formula, step, unit)]
     satisfied = [] if triggers else [NearMiss("satisfied", "a trace that satisfies it", holds=True)]
     shortest = NearMiss("violated", "the shortest violation", holds=False)
@@ -388,15 +378,10 @@ _ORDER: Final[dict[ExampleKind, int]] = {
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A change of one part of a formula.
+    """A replacement of one part of a formula.
 
-    Attributes:
-        kind: The point of its examples.
-        why: This point in words.
-        node: The part.
-        instead: Its replacement.
-        lowers: Whether the replacement implies the part; otherwise the part implies it.
-        otherwise: The words if the formula falls when the part rises; empty: the same words.
+    It implies the part if ``lowers``; otherwise the part implies it. ``why`` is the point of its
+    examples, and ``otherwise`` replaces it if the formula falls when the part rises.
     """
 
     kind: ExampleKind

@@ -34,14 +34,7 @@ TermTruths = Callable[[Program, int, int], Truth]
 class Graph:
     """Truths built from atoms by conjunction and negation; equal nodes are stored once.
 
-    Attributes:
-        nodes: The content of each node: None (false), an `Atom`, or the truths of a conjunction.
-
-    Example:
-        >>> graph = Graph()
-        >>> p = graph.atom(("at_least", ("load", "x", 0), ("const", 1.0)))
-        >>> graph.all([p, TRUE, p]) == p, graph.all([p, graph.no(p)]), graph.any([p, TRUE])
-        (True, 0, 1)
+    A node is None (false), an `Atom`, or the truths of a conjunction.
     """
 
     def __init__(self) -> None:
@@ -131,12 +124,7 @@ def atom_value(atom: Atom, load: Callable[[str, int], float]) -> bool | None:
 
 
 def function_of(name: str) -> Callable[..., float | Fraction]:
-    """Return the function of a term on doubles; ``"minus"`` is a difference without rounding.
-
-    Example:
-        >>> function_of("sub")(2.0**53, -1.0) == function_of("minus")(2.0**53, -1.0)
-        False
-    """
+    """Return the function of a term on doubles; ``"minus"`` is a difference without rounding."""
     return _minus if name == "minus" else FUNCTIONS[name].apply
 
 
@@ -232,9 +220,9 @@ def exact_sides(x: TermKey, y: TermKey) -> tuple[TermKey, TermKey]:
 
 
 def _reduced(term: TermKey, number: float) -> tuple[TermKey, TermKey, bool] | None:
-    """Return both sides without one exact operation of a term that is compared with a number.
+    """Return both sides of a comparison with a number without one exact operation of the term.
 
-    The last value is whether the sides change places. None if the term has no exact operation.
+    The last value is whether the sides change places. None if no operation is exact.
     """
     function, *parts = term
     keys = [cast("TermKey", part) for part in parts] if function in _EXACT else []

@@ -68,15 +68,8 @@ class Goal:
 class SearchAnswer:
     """The result of a search.
 
-    Attributes:
-        trace: The trace, or None.
-        none: Whether a trace of any length is impossible.
-        samples: The length up to which traces that repeat their last samples are impossible; 0 if
-            this is unknown.
-        why: The reason if the answer is unknown.
-        core: Places of goals that cannot be reached together; empty with a trace, or if this is
-            unknown.
-        limits: The ranges and rates that contribute to the core, in words.
+    A trace is impossible at any length (``none``), or if it repeats its last samples, up to
+    ``samples``. ``core`` has the places of goals that clash, and ``limits`` the ranges and rates.
     """
 
     trace: ExampleTrace | None = None
@@ -108,16 +101,7 @@ class _Shape:
 
 
 class WitnessSearch:
-    """A search for traces; searches share the truths and traces of earlier ones.
-
-    Args:
-        period: Seconds between samples, or None.
-        end: The end mode of finite traces.
-        horizon: The maximum number of samples of a trace.
-        timeout: The maximum time of one search, in seconds.
-        integers: The variables that are integers.
-        limits: The ranges and rates of variables.
-    """
+    """A search for traces; searches share the truths and traces of earlier ones."""
 
     def __init__(
         self,
@@ -192,17 +176,7 @@ class WitnessSearch:
     def truths(
         self, goals: Sequence[Goal], count: int, loop: int, deadline: float = math.inf
     ) -> list[Truth]:
-        """Return the truths in `graph` of traces that reach all goals: for each goal, then limits.
-
-        Args:
-            goals: The goals.
-            count: The number of samples of the traces.
-            loop: The number of last samples that repeat for ever; 0: the traces end.
-            deadline: The latest `time.monotonic` for an answer.
-
-        Raises:
-            TimeoutError: After the deadline.
-        """
+        """Return a truth in `graph` for each goal, then for each limit; TimeoutError if late."""
         lower, upper = worlds_of("complete" if loop else self._end)
         truths = [
             self._truth(goal, count, lower if goal.holds else upper, loop, deadline)
@@ -438,14 +412,7 @@ def _doubt(solution: Solution) -> str:
 
 
 def reaches(trace: ExampleTrace, goals: Sequence[Goal], period: Fraction | None, end: End) -> bool:
-    """Return whether a trace reaches all goals, as judged by the monitors.
-
-    Args:
-        trace: The trace.
-        goals: The goals.
-        period: Seconds between samples, or None.
-        end: The end mode of a trace that does not repeat.
-    """
+    """Return whether a trace reaches all goals, as judged by the monitors."""
     for goal in goals:
         program = goal.program
         try:
@@ -491,10 +458,7 @@ def _judged(trace: ExampleTrace, program: Program, period: Fraction | None, end:
 class KnownTrace:
     """A trace that gives each truth of a graph a value: true, false or unknown.
 
-    Args:
-        graph: The graph.
-        columns: The value of each variable at each sample.
-        other: Returns the value of a variable that the trace does not have.
+    ``other`` returns the value of a variable that the trace does not have.
     """
 
     def __init__(

@@ -39,12 +39,7 @@ _Columns = Mapping[str, Sequence[float]]
 
 
 def last_digit(value: float) -> float:
-    """Return one unit of the last digit of a number as it is written, at most 1.
-
-    Example:
-        >>> last_digit(3.0), last_digit(0.25), last_digit(120.0)
-        (1.0, 0.01, 1.0)
-    """
+    """Return one unit of the last digit of a number as it is written, at most 1: 0.01 of 0.25."""
     exponent = Decimal(repr(value)).normalize().as_tuple().exponent
     return 10.0 ** min(0, cast("int", exponent))
 
@@ -52,17 +47,8 @@ def last_digit(value: float) -> float:
 class GoalMonitors:
     """Monitors that quickly reject a finite trace that misses its goals.
 
-    Attributes:
-        work: The cost of a trace, in nodes of a graph.
-
-    Args:
-        goals: The goals.
-        period: Seconds between samples, or None.
-        end: The end mode.
-        samples: The number of samples of traces.
-
-    Raises:
-        SpecificationError: If an episode monitor cannot run one of the formulas.
+    ``work`` is the cost of a trace in nodes of a graph. SpecificationError is raised if a monitor
+    cannot run one of the formulas.
     """
 
     def __init__(
@@ -95,11 +81,6 @@ class Plainness:
     """The plain values of variables, each with a cost.
 
     A value is plain if it is clearly on one side of each threshold; 0 is the plainest value.
-
-    Args:
-        formulas: The formulas with the thresholds.
-        integers: The variables that are integers.
-        ranges: The minimum and maximum value of variables.
     """
 
     def __init__(
@@ -169,14 +150,8 @@ def simplified(
 ) -> ExampleTrace:
     """Return a simpler trace that keeps the truths.
 
-    Runs of samples get plainer values as long as the truths hold, the largest gain first.
-
-    Args:
-        trace: A trace that fulfils the truths.
-        graph: The graph of the truths.
-        truths: The truths.
-        plainness: The plain values.
-        monitors: Monitors that quickly reject a trace; None: only the graph decides.
+    Runs of samples get plainer values as long as the truths hold, the largest gain first. Monitors
+    quickly reject a trace.
     """
     holds = _TruthTest(graph, truths, monitors)
     columns: _Columns = trace.columns
@@ -309,11 +284,7 @@ def _rounded(values: Iterable[float]) -> Iterable[float]:
 
 
 class _TruthTest:
-    """A compiled test of truths on columns.
-
-    Attributes:
-        work: The number of nodes and terms that it has evaluated.
-    """
+    """A compiled test of truths on columns; ``work`` counts the nodes and terms of all tests."""
 
     def __init__(
         self, graph: Graph, truths: Sequence[Truth], monitors: GoalMonitors | None

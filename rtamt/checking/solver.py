@@ -28,11 +28,7 @@ _SMALLEST: Final = Fraction(1, 2**1074)
 
 
 def solver_library() -> Any:  # noqa: ANN401 - z3 has no types
-    """Return the module of Z3.
-
-    Raises:
-        ModuleNotFoundError: If Z3 is not installed; names the extra.
-    """
+    """Return the module of Z3; the error without it names the extra."""
     try:
         return importlib.import_module("z3")
     except ModuleNotFoundError as error:
@@ -45,13 +41,9 @@ def solver_library() -> Any:  # noqa: ANN401 - z3 has no types
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The answer of the solver.
+    """The answer of the solver; ``possible`` is None if it is unknown.
 
-    Attributes:
-        possible: Whether the truths can be true together; None if this is unknown.
-        loads: If possible, the values of variables by variable and sample.
-        core: If impossible, the places of truths that cannot be true together.
-        free: The functions that the solver treated as any number.
+    ``core`` has the places of truths that clash, ``free`` the functions that count as any number.
     """
 
     possible: bool | None
@@ -71,12 +63,7 @@ def is_exact(graph: Graph, truths: Sequence[Truth]) -> bool:
 
 
 class Solver:
-    """Asks Z3 about the truths of a graph; the common parts of questions are built once.
-
-    Args:
-        graph: The graph.
-        integers: The variables that are integers.
-    """
+    """Asks Z3 about the truths of a graph; the common parts of questions are built once."""
 
     def __init__(self, graph: Graph, integers: Collection[str]) -> None:
         self._z3 = solver_library()
@@ -88,13 +75,7 @@ class Solver:
         }
 
     def solve(self, truths: Sequence[Truth], deadline: float, *, wide: bool) -> Solution:
-        """Return whether truths can be true together.
-
-        Args:
-            truths: The truths.
-            deadline: The latest `time.monotonic` for an answer.
-            wide: Whether to use the wide model of arithmetic.
-        """
+        """Return whether truths can be true together; ``wide`` is the model that rounds."""
         for index, truth in enumerate(truths):
             if truth == FALSE:
                 return Solution(possible=False, loads={}, core=(index,))
@@ -351,11 +332,6 @@ class PointChoices:
 
     A predicate reads one sample, so a few points suffice to give the predicates all their values.
     The points come from the numbers in the predicates: where a difference is 0, and near there.
-
-    Args:
-        graph: The graph.
-        integers: The variables that are integers.
-        ranges: The minimum and maximum value of variables.
     """
 
     def __init__(

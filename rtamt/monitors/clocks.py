@@ -49,17 +49,7 @@ class OperatorClocks:
     first instant keeps a clock of 1.
 
     A batch entry without a sample stays as it is, so each entry has its own time. Objects can be
-    copied and pickled in the middle of a trace.
-
-    Args:
-        clocks: The clocks.
-        parts: The number of parts.
-        num: The batch size.
-        backend: As for `Monitor`.
-
-    Raises:
-        InputError: If a clock has another part, operands that do not fit its event, or a wrong
-            window; or if the back-end is unknown or not built.
+    copied and pickled in the middle of a trace. A clock that no machine can count is an InputError.
 
     Example:
         >>> answer = OperatorClock("oldest", "holds", 0, 3, 0, operands=((0, 0),))
@@ -79,12 +69,7 @@ class OperatorClocks:
         self._batch = BACKENDS[choose(backend)].clock_batch(self._clocks, parts, num)
 
     def feed(self, values: ArrayLike, mask: Entries | None = None) -> None:
-        """Update the entries of the mask with a sample.
-
-        Args:
-            values: The newest value of each part in each entry, of shape (parts, num).
-            mask: A boolean for each entry. Default: all entries.
-        """
+        """Update the entries of the mask with the newest values, of shape (parts, num)."""
         table = np.ascontiguousarray(values, dtype=np.float64)
         if table.shape != self._shape:
             raise InputError(

@@ -11,7 +11,6 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseEpisodeMachine, DenseMachine, End
 from rtamt.machines.state import verdict_of
 from rtamt.monitors.online import (
-    DirectUpdate,
     EpisodeValues,
     MachineValue,
     NamedValues,
@@ -78,7 +77,7 @@ Raises:
 """
 
 
-class _Dense(DirectUpdate, Online[_M, DenseProgram]):
+class _Dense(Online[_M, DenseProgram]):
     """A monitor of events."""
 
     __slots__ = ()

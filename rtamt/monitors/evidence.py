@@ -163,13 +163,10 @@ class Unrecorded:
 
 
 class TraceClock(NamedTuple):
-    """The times of the places of a trace.
+    """The times of the places of a trace, ``step`` of which are an instant ``tick`` after the last.
 
-    Attributes:
-        tick: Seconds from one instant to the next; None if times are numbers of samples.
-        start: The instant of place 0.
-        step: Places of an instant: 1 for samples; 2 for dense time, where the place 2t + 1 is the
-            open interval after tick t.
+    Place 0 is the instant ``start``. Without a tick, times are numbers of samples. In dense time
+    the place 2t + 1 is the open interval after tick t.
     """
 
     tick: Fraction | None
@@ -212,8 +209,7 @@ class TraceRegisters:
 def unrecorded_of(registers: TraceRegisters) -> tuple[Unrecorded, ...]:
     """Return the outermost formulas with an unrecorded interval that matters.
 
-    The search goes from the root to undecided operands, at the first time at which they are
-    undecided.
+    The search goes from the root to operands, at the first time at which they are undecided.
     """
     clock = registers.clock
     return tuple(

@@ -142,10 +142,7 @@ def sample_signals(
 
 
 class OriginStep(NamedTuple):
-    """A formula at a place, on the path from a specification to the cause.
-
-    The value is the upper bound if ``best`` is true; otherwise, it is the lower bound.
-    """
+    """A formula at a place on the path to the cause; its value is the upper bound if ``best``."""
 
     formula: Formula
     name: str | None
@@ -157,10 +154,7 @@ class OriginStep(NamedTuple):
 
 
 class Share(NamedTuple):
-    """A formula whose sign from a first to a last place contributes to a violation.
-
-    ``role`` is as in `Contribution`, ``best`` as in `OriginStep`, and ``outside`` as in `Origin`.
-    """
+    """A formula whose sign from a first to a last place contributes to a violation."""
 
     formula: Formula
     role: ShareRole
@@ -171,11 +165,11 @@ class Share(NamedTuple):
 
 
 class FormulaSignals:
-    """The robustness of all formulas of a specification on a trace, and where it comes from.
+    """The robustness of all formulas on a trace, and where it comes from.
 
     ``signal`` returns a bound of a formula over the trace and ``ahead`` places after it: the upper
-    one if its second argument is true. On a complete trace both bounds are the robustness. ``best``
-    states that the upper bound of the specification is explained.
+    one if its second argument is true, as ``best`` states for the specification. On a complete
+    trace both bounds are the robustness.
     """
 
     def __init__(
@@ -275,9 +269,9 @@ class FormulaSignals:
     def shares(self, path: Sequence[OriginStep]) -> Iterator[Share]:
         """Yield the formulas that contribute to a violation in addition to the path.
 
-        A path goes through one operand at one place: the request of a response, for example, and
-        not the grant. The violation stays as long as these formulas and the last formula of the
-        path keep their signs.
+        A path goes through one operand at one place: the request of a response, and not the grant.
+        The violation stays as long as these formulas and the last formula of the path keep their
+        signs.
         """
         if holds_by_sign(self.signal(path[0].formula, path[0].best).at(path[0].place)):
             return
@@ -401,8 +395,7 @@ def explain_verdict(
 ) -> Explanation | None:
     """Return the explanation of a decided verdict; other arguments are as for `explain`.
 
-    It follows the bound that decides under the end mode: the upper bound of a violated
-    specification, the lower bound of a satisfied one. None if the verdict does not rest on one
+    It follows the bound that decides under the end mode. None if the verdict does not rest on one
     value of the trace, as with a formula that fails at an unseen sample.
     """
     try:

@@ -235,9 +235,7 @@ def judgements_of(
 ) -> Iterator[Judgement | None]:
     """Yield the judgement of each trace as `judge` returns it; None for a trace with an error.
 
-    Args:
-        columns: The judgements of the traces.
-        alone: Judges the trace of a number alone, for the unrecorded intervals of an open verdict.
+    ``alone`` judges a trace by its number, for the unrecorded intervals of an open verdict.
     """
     verdicts = {verdict.value: verdict for verdict in Verdict}
     parts = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Final, Literal, NamedTuple, Unpack, cast, get_args
 
@@ -140,7 +140,7 @@ class TraceBatch:
     ) -> tuple[list[TriggerColumns], Booleans]:
         """Return the triggers of each implication, and the vacuity of all together.
 
-        It is `rtamt.monitors.implications.evidence_of` for many traces.
+        It is `rtamt.monitors.judgement.evidence_of` for many traces.
         """
         counted = implications(self.formula)
         none = np.zeros(len(satisfied), bool)
@@ -346,6 +346,7 @@ class _Work:
     def __init__(self, specification: Specification, end: End, errors: Errors) -> None:
         self._specification, self._end, self._keep = specification, end, errors == "keep"
         self._texts = texts_of(specification.formula)
+        self._groups: Groups | None = None  # of joined traces
         self._parts: list[_Part] = []
         self._errors: dict[int, RtamtError] = {}
         self._done = 0
@@ -361,21 +362,17 @@ class _Work:
                 f"expected an iterable of traces, got {kind_of(traces)}; pass by= for a table of "
                 "several objects, lengths= for joined traces, or call judge for one trace"
             )
-        for chunk in self._chunks(cast("Iterable[TraceColumns]", traces)):
-            self._judge_chunk(chunk, batch)
-        return self._result({})
-
-    def _chunks(self, traces: Iterable[TraceColumns]) -> Iterator[list[TraceColumns]]:
         chunk: list[TraceColumns] = []
         values = 0
-        for trace in traces:
+        for trace in cast("Iterable[TraceColumns]", traces):
             chunk.append(trace)
             values += _size(trace)
             if values >= _CHUNK:
-                yield chunk
+                self._judge_chunk(chunk, batch)
                 chunk, values = [], 0
         if chunk:
-            yield chunk
+            self._judge_chunk(chunk, batch)
+        return self._result()
 
     def _judge_chunk(self, chunk: list[TraceColumns], batch: TraceBatch) -> None:
         period = batch.compiled.period
@@ -403,7 +400,7 @@ class _Work:
                 f"expected a whole number of samples per trace as lengths=, got {kind_of(lengths)}"
             )
         if not sizes.size:
-            return self._result({})
+            return self._result()
         if sizes.min() < 0:
             raise InputError(f"expected lengths of 0 or more, got {sizes.min()}")
         sizes = sizes.astype(np.int64)
@@ -413,22 +410,18 @@ class _Work:
             raise InputError(
                 f"expected lengths with the sum {count}, the samples of the columns, got {total}"
             )
-        traces = TraceSet(columns, np.cumsum(sizes) - sizes, sizes)
-        rows = TraceRows(None, traces.begins, sizes)
-        refused = self._refused(data, batch, rows)
-        self._take_joined(batch, traces, np.arange(len(sizes)), refused)
-        return self._result({})
+        self._groups = Groups({}, None, np.cumsum(sizes) - sizes, sizes)
+        self._take_joined(batch, data, columns, np.arange(len(sizes)))
+        return self._result()
 
     def of_table(self, data: object, by: Sequence[str], batch: TraceBatch) -> Judgements:
         """Judge the groups of a table, at one period."""
         table = table_of(data)
-        groups = groups_of(table, by)
+        self._groups = groups = groups_of(table, by)
         if len(groups.lengths):
             columns = _grouped_columns(table, groups, batch)
-            traces = TraceSet(columns, groups.begins, groups.lengths)
-            refused = self._refused(data, batch, TraceRows(*groups[1:]))
-            self._take_joined(batch, traces, np.arange(len(groups.lengths)), refused, groups)
-        return self._result(groups.keys, groups)
+            self._take_joined(batch, data, columns, np.arange(len(groups.lengths)))
+        return self._result()
 
     def of_timed_table(
         self,
@@ -439,9 +432,9 @@ class _Work:
     ) -> Judgements:
         """Judge the groups of a table, each at the period of its times."""
         table = table_of(data)
-        groups = groups_of(table, by)
+        self._groups = groups = groups_of(table, by)
         if not len(groups.lengths):
-            return self._result(groups.keys, groups)
+            return self._result()
         times = seconds_of(table, time)
         times = times if groups.order is None else times[groups.order]
         periods = periods_of(times, groups, even=self._specification.timed)
@@ -454,18 +447,14 @@ class _Work:
                 batch = self._batch_at(known, batch_of)
             except RtamtError as error:
                 for position in places:
-                    self._fail(position, error, groups)
+                    self._fail(position, error)
                 continue
             reader = batch.reader
             if inputs is None:
                 inputs = _grouped_columns(table, groups, batch)[: len(reader.variables)]
             columns = [*inputs, *reader.rates.of_columns(inputs)]
-            chosen = np.array(places)
-            traces = TraceSet(columns, groups.begins, groups.lengths).select(chosen)
-            rows = TraceRows(groups.order, traces.begins, traces.lengths)
-            refused = self._refused(data, batch, rows, timed=False)
-            self._take_joined(batch, traces, chosen, refused, groups)
-        return self._result(groups.keys, groups)
+            self._take_joined(batch, data, columns, np.array(places), timed=False)
+        return self._result()
 
     def _batch_at(
         self, period: object, batch_of: Callable[[Fraction | None], TraceBatch]
@@ -480,26 +469,25 @@ class _Work:
             )
         return batch_of(cast("Fraction | None", period))
 
-    def _refused(
-        self, data: object, batch: TraceBatch, rows: TraceRows, *, timed: bool = True
-    ) -> dict[int, InputError]:
-        """Return the errors of traces whose rows in a frame are not one trace, or have times.
-
-        If errors are not kept, return the first one only.
-        """
-        timed = timed and self._specification.timed and batch.compiled.period is None
-        errors = refusals(data, batch.reader.variables, rows, timed=timed)
-        return dict(errors if self._keep else itertools.islice(errors, 1))
-
     def _take_joined(
         self,
         batch: TraceBatch,
-        traces: TraceSet,
+        data: object,
+        columns: Sequence[Floats],
         places: NDArray[np.intp],
-        refused: Mapping[int, InputError],
-        groups: Groups | None = None,
+        *,
+        timed: bool = True,
     ) -> None:
-        """Judge traces in shared columns."""
+        """Judge some of the groups of ``data``, whose values are in columns in their order.
+
+        A group whose rows in a frame are not one trace, or have times that are ignored, is refused.
+        """
+        assert self._groups is not None  # noqa: S101 - joined traces have groups
+        traces = TraceSet(columns, self._groups.begins, self._groups.lengths).select(places)
+        rows = TraceRows(self._groups.order, traces.begins, traces.lengths)
+        timed = timed and self._specification.timed and batch.compiled.period is None
+        errors = refusals(data, batch.reader.variables, rows, timed=timed)
+        refused = dict(errors if self._keep else itertools.islice(errors, 1))
         names = batch.reader.variables
 
         def trace(i: int) -> TraceColumns:
@@ -511,7 +499,7 @@ class _Work:
 
         for rate in traces.columns[len(names) :]:
             rate[traces.begins[traces.lengths > 0]] = 0.0  # no sample before it
-        self._take(batch, traces, places, trace, refused, groups)
+        self._take(batch, traces, places, trace, refused)
 
     def _take(
         self,
@@ -520,7 +508,6 @@ class _Work:
         places: NDArray[np.intp],
         trace: Callable[[int], TraceColumns],
         refused: Mapping[int, InputError],
-        groups: Groups | None = None,
     ) -> None:
         """Judge traces together, and those that are left out one by one."""
         rows = batch.judge(traces)
@@ -528,28 +515,27 @@ class _Work:
         rows.place(places_refused, JudgedRows.empty(len(refused), self._texts))
         for i in np.flatnonzero(rows.left_out).tolist():
             if i in refused:
-                self._fail(int(places[i]), refused[i], groups)
+                self._fail(int(places[i]), refused[i])
                 continue
             try:
-                judged = batch.judge_alone(trace(i))
-                rows.put(i, judged)
+                rows.put(i, batch.judge_alone(trace(i)))
             except RtamtError as error:
-                self._fail(int(places[i]), error, groups)
+                self._fail(int(places[i]), error)
         self._parts.append(_Part(places, traces.lengths, rows))
         self._done += len(places)
 
-    def _fail(self, place: int, error: RtamtError, groups: Groups | None) -> None:
+    def _fail(self, place: int, error: RtamtError) -> None:
         """Store the error of a trace, or raise it with the name of the trace."""
         if not self._keep:
-            where = f"trace {place}"
-            if groups is not None:
-                keys = (f"{name}={keys[place]}" for name, keys in groups.keys.items())
-                where = f"group {', '.join(keys)}"
-            raise error.at(where) from None
+            keys = {} if self._groups is None else self._groups.keys
+            group = ", ".join(f"{name}={values[place]}" for name, values in keys.items())
+            raise error.at(f"group {group}" if group else f"trace {place}") from None
         self._errors[place] = error
 
-    def _result(self, keys: Mapping[str, NDArray[Any]], groups: Groups | None = None) -> Judgements:
+    def _result(self) -> Judgements:
         """Return the columns of all traces."""
+        groups = self._groups
+        keys = {} if groups is None else groups.keys
         count = self._done if groups is None else len(groups.lengths)
         rows = JudgedRows.empty(count, self._texts)
         samples = np.zeros(count, np.int64) if groups is None else groups.lengths

@@ -18,7 +18,6 @@ from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, Sampl
 from rtamt.monitors.explainer import explain
 from rtamt.monitors.explanation import Explanation
 from rtamt.monitors.online import (
-    DirectUpdate,
     EpisodeValues,
     Late,
     MachineValue,
@@ -50,7 +49,7 @@ Raises:
 _M = TypeVar("_M", bound=SampleMachine)
 
 
-class _Single(DirectUpdate, Sampled[_M]):
+class _Single(Sampled[_M]):
     """A monitor of one signal: a sample is the arguments of ``update``."""
 
     __slots__ = ("_reader",)

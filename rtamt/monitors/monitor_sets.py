@@ -83,15 +83,8 @@ class VerdictLog:
     ) -> Floats:
         """Update the batch entries in the mask with a sample; return their minimum robustness.
 
-        Args:
-            table: Numbers of shape (num, width), a row for each batch entry; float64 in Fortran
-                order is fastest.
-            columns: For each monitor the columns of the table that are its variables.
-            mask: num booleans. Default: all batch entries.
-
-        Raises:
-            RtamtError: As `VectorEpisodeMonitor.update` does; monitors before the monitor with the
-                error are updated.
+        A sample is a table of shape (num, width), fastest as float64 in Fortran order; ``columns``
+        has the columns of each monitor's variables. An error leaves the monitors before it updated.
         """
         batches, functions = self._found
         functions.feed(batches, columns, table, self._mask(mask))
@@ -114,10 +107,7 @@ class VerdictLog:
         self.open_at_end |= was_open if chosen is None else was_open & chosen
 
     def fail(self, mask: ArrayLike | None = None) -> None:
-        """Count open verdicts of batch entries in the mask as violated by the last sample.
-
-        Entries without a sample, and the monitors, stay as they are.
-        """
+        """Count open verdicts in the mask as violated by the last sample, if there is one."""
         chosen, begun = self._mask(mask), self.monitors[0].samples > 0
         entries = begun if chosen is None else begun & chosen
         failed = entries & (self.settled_at < 0)
@@ -136,10 +126,7 @@ class VerdictLog:
         self._fails = self._fails and chosen is not None
 
     def least(self, value: EntryValue) -> Floats:
-        """Return the minimum over the monitors of robustness, lower or upper bound.
-
-        The upper bound of a failed verdict is -0.0.
-        """
+        """Return the minimum of a value over the monitors; the upper bound of a failure is -0.0."""
         batches, functions = self._found
         return functions.least(
             batches, value, self.failed if self._fails and value == "upper" else None
@@ -235,19 +222,14 @@ def joint_feed(
     seen: Callable[[list[float]], object] | None = None,
     number: type[float] = float,
 ) -> JointFeed | None:
-    """Return an object that updates several C++ monitors in one call.
+    """Return an object that updates several C++ monitors in one call, or None.
 
-    Each monitor then has the values of its own ``update``. After an error, the monitors before the
-    monitor with the error are updated. None if a monitor runs in Python or stores a history: then
-    update the monitors one after the other.
+    None if a monitor runs in Python or stores a history: then update one after the other. After an
+    error, the monitors before the one with the error are updated.
 
-    Args:
-        monitors: The monitors.
-        names: The names of the numbers of a sample; they contain the variables of all monitors.
-        reads: The source of each number in the arguments of ``feed``; see `JointRead`.
-        decided: Called after a sample with the number of decided verdicts, unless it is 0.
-        seen: Called after ``decided`` with the numbers of the sample, a new list.
-        number: The class of returned numbers: ``float`` or ``numpy.float64``.
+    ``names`` are the numbers of a sample, ``reads`` their sources in the arguments of ``feed``.
+    ``decided`` is called after a sample with the number of decided verdicts, unless it is 0, then
+    ``seen`` with the numbers. ``number`` is the class of returned numbers.
     """
     make = BACKENDS[monitors[0].backend].episode_monitor_set if monitors else None
     machines = [monitor.fed_machine for monitor in monitors]

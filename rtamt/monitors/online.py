@@ -42,7 +42,8 @@ def machine_value(name: str, doc: str) -> MachineValue[_T_co]:
 class Online(Generic[_M, _P]):
     """A compiled specification and the machine that runs it.
 
-    Copies and pickles hold the specification, the options and the state of the machine.
+    ``update`` is the method of the machine, so that a call is one call. Copies and pickles hold the
+    specification, the options and the state of the machine.
     """
 
     __slots__ = {
@@ -58,6 +59,15 @@ class Online(Generic[_M, _P]):
     interface: Interface
     program: _P
     specification: Specification
+
+    def __init_subclass__(cls, **options: object) -> None:
+        """Raise TypeError for a subclass with an ``update`` of its own, which nobody would call."""
+        super().__init_subclass__(**options)
+        if callable(cls.__dict__.get("update")):
+            raise TypeError(
+                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
+                "its machine; hold a monitor instead of inheriting from it"
+            )
 
     def _arguments(self) -> dict[str, Any]:
         """Return the keywords for another monitor of the specification."""
@@ -204,18 +214,3 @@ class NamedValues:
             (1.0, True, {'value': 1.0})
         """
         return write_fields(self.specification, self.values, messages, named)
-
-
-class DirectUpdate:
-    """A monitor whose ``update`` is the method of its machine, so that a call is one call."""
-
-    __slots__ = ()
-
-    def __init_subclass__(cls, **options: object) -> None:
-        """Raise TypeError for a subclass with an ``update`` of its own, which nobody would call."""
-        super().__init_subclass__(**options)
-        if callable(cls.__dict__.get("update")):
-            raise TypeError(
-                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
-                "its machine; hold a monitor instead of inheriting from it"
-            )

@@ -188,8 +188,7 @@ def compiled(
 ) -> Compiled:
     """Check the options of a monitor or an evaluation of samples, and compile its specification.
 
-    The error of an unknown option names the caller. ``online`` refuses future operators without an
-    end.
+    An error names the caller. ``online`` refuses future operators without an end.
     """
     settings: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
     if len(settings) > len(_SAMPLE_DEFAULTS):
@@ -281,10 +280,7 @@ def checked_end(end: object) -> End:
 
 
 def listed_in_signature(options: type) -> Callable[[_F], _F]:
-    """List each option in the signature of a function that takes them as ``**options``.
-
-    `inspect.signature` and `help` then show the options with their defaults, one by one.
-    """
+    """List each option in the signature of a function that takes them as ``**options``."""
     keyword = inspect.Parameter.KEYWORD_ONLY
     listed = [
         inspect.Parameter(
@@ -303,10 +299,7 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
 
 
 def described(*names: str) -> Callable[[_C], _C]:
-    """Insert the descriptions of options into the docstring of a class, above its ``**options``.
-
-    They replace ``**options`` if it only refers to `OPTIONS`.
-    """
+    """Insert the descriptions of options into the docstring of a class, above its ``**options``."""
     entries = [
         textwrap.fill(
             f"{name}: {OPTIONS[name].about}",

@@ -30,12 +30,7 @@ _T = TypeVar("_T")
 
 
 class RobustnessSignal(NamedTuple):
-    """Values over the places of a trace, as runs of equal values.
-
-    Attributes:
-        values: The values of the runs.
-        starts: Where the runs start, the first at place 0; None if every place has its own value.
-    """
+    """Values over the places of a trace: of runs that start at ``starts``, or of every place."""
 
     values: Floats
     starts: Positions | None = None
@@ -100,16 +95,11 @@ def flat(parts: Parts) -> Iterator[Part]:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The operand and the place from which a value was taken.
+    """The operand and the place from which a value was taken; None for a window outside the trace.
 
-    Attributes:
-        operand: The number of the operand; None for the value of a window outside the trace.
-        place: The place of the operand's value.
-        witness: The place at which an ``until`` or ``since`` reached its right side.
-        outside: First and last place of a window outside the trace; the first is None if the
-            window has no start, the last if it has no end.
-        parts: The operands at places that make the sign of the value: as long as their signs stay,
-            so does the sign of the value, whatever else changes.
+    ``witness`` is where ``until`` or ``since`` reached its right side. ``outside`` has the ends of
+    a window outside the trace, None for an open end. As long as the signs of ``parts`` stay, so
+    does the sign of the value, whatever else changes.
     """
 
     operand: int | None = None

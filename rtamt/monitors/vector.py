@@ -15,7 +15,6 @@ from rtamt.inputs.batch import BatchReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import End, EpisodeBatch, MachineBatch
 from rtamt.monitors.online import (
-    DirectUpdate,
     EpisodeValues,
     Late,
     MachineValue,
@@ -61,7 +60,7 @@ _MAX_ENTRIES = 2**24
 """The maximum number of entries; more would take gigabytes before their first sample."""
 
 
-class _Batched(DirectUpdate, Sampled[_B]):
+class _Batched(Sampled[_B]):
     """A monitor of many signals: a row of an array is the sample of a batch entry."""
 
     __slots__ = ("num",)
