@@ -21,9 +21,9 @@ def entries(path: Path) -> list[tuple[str, str]]:
     return [(first[2:], "\n".join(said)) for first, *said in blocks if not first.startswith("#")]
 
 
-def check(call: str, said: str) -> None:
-    """Compare the error of a call with the catalogue."""
+def check(call: str, said: str, **own: object) -> None:
+    """Compare the error of a call, which may use names of its own, with the catalogue."""
     names = {name: getattr(rtamt, name) for name in rtamt.__all__}  # loaded at their first use
     with pytest.raises(rtamt.RtamtError) as caught:
-        eval(call, {**names, "rtamt": rtamt, "np": np})  # noqa: S307 - the catalogue is our own
+        eval(call, {**names, "rtamt": rtamt, "np": np, **own})  # noqa: S307 - our own catalogue
     assert f"{type(caught.value).__name__}: {caught.value}" == said

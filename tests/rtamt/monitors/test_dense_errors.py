@@ -6,10 +6,12 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
+from catalogue import check, entries
 from dense_signals import Signals, chunked, chunks, of, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -63,114 +65,12 @@ class Column:
         return "\n".join(f"{key}    {value}" for key, value in self.values.items())
 
 
-FORMS = (
-    "events of 'req' as a sequence of (time, value), an array of shape (n, 2) or "
-    "Events(times, values)"
-)
+ERRORS = entries(Path(__file__).with_name("dense_errors.txt"))
 
 
-WRONG: list[tuple[Any, Error, str]] = [
-    ({"rq": [(3, 1)]}, InputError, "unknown variable 'rq'; did you mean 'req'?"),
-    ({"zzz": []}, InputError, "unknown variable 'zzz'; the variables are req, gnt"),
-    ({1: [(3, 1)]}, InputError, "unknown variable '1'; the variables are req, gnt"),
-    (
-        [(3, 1)],
-        InputTypeError,
-        "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, got list [(3, 1)]",
-    ),
-    ({"req": "text"}, InputTypeError, f"expected {FORMS}, got str 'text'"),
-    ({"req": 4.0}, InputTypeError, f"expected {FORMS}, got float 4.0"),
-    ({"req": None}, InputTypeError, f"expected {FORMS}, got NoneType None"),
-    ({"req": {3: 1}}, InputTypeError, f"expected {FORMS}, got dict {{3: 1}}"),
-    (
-        {"req": Column({3.0: 1, 4.0: 2})},
-        InputTypeError,
-        f"expected {FORMS}, got Column 3.0 1 4.0 2",
-    ),
-    (
-        {"req": [(3, [1, 2]), (4, 1)]},
-        InputTypeError,
-        "expected a number as the value of event 0 of 'req', got list [1, 2]",
-    ),
-    ({"req": (3, 1)}, InputError, "expected (time, value) as event 0 of 'req', got int 3"),
-    (
-        {"req": [(3, 1), (4, 1, 2)]},
-        InputError,
-        "expected (time, value) as event 1 of 'req', got tuple (4, 1, 2)",
-    ),
-    (
-        {"req": [(3, 1), "45"]},
-        InputError,
-        "expected (time, value) as event 1 of 'req', got str '45'",
-    ),
-    (
-        {"req": [(3, 1), ("4", 1)]},
-        InputTypeError,
-        "expected a number as the time of event 1 of 'req', got str '4'",
-    ),
-    (
-        {"req": [(3, None)]},
-        InputTypeError,
-        "expected a number as the value of event 0 of 'req', got NoneType None",
-    ),
-    (
-        {"req": [(3, 1j)]},
-        InputTypeError,
-        "expected a number as the value of event 0 of 'req', got complex 1j",
-    ),
-    (
-        {"req": [(3, 10**400)]},
-        InputTypeError,
-        "expected a number as the value of event 0 of 'req', got int " + "1" + "0" * 36 + "...",
-    ),
-    ({"req": np.zeros((2, 3))}, InputError, f"expected {FORMS}, got shape (2, 3)"),
-    ({"req": ([3, 4, 5], [1, 1, 2])}, InputError, f"expected {FORMS}, got shape (2, 3)"),
-    ({"req": np.zeros(4)}, InputError, f"expected {FORMS}, got shape (4,)"),
-    (
-        {"req": np.array([["3", "1"]])},
-        InputTypeError,
-        "expected an array of numbers for the events of 'req', got <U1",
-    ),
-    (
-        {"req": np.array([[3 + 1j, 1]])},
-        InputTypeError,
-        "expected an array of numbers for the events of 'req', got complex128",
-    ),
-    (
-        {"req": [(3, 1), (2.5, 1)]},
-        InputError,
-        "expected a time after 3.0 at event 1 of 'req', got 2.5",
-    ),
-    (
-        {"req": np.array([[3, 1], [3, 1]])},
-        InputError,
-        "expected a time after 3.0 at event 1 of 'req', got 3.0",
-    ),
-    ({"req": [(1, 4)]}, InputError, "expected a time after 1.0 at event 0 of 'req', got 1.0"),
-    (
-        {"req": [(3, 1)], "gnt": [(0, 4)]},
-        InputError,
-        "expected a time after 2.0 at event 0 of 'gnt', got 0.0",
-    ),
-    (
-        {"req": [(3, 1), (math.inf, 1)]},
-        InputError,
-        "expected a finite time at event 1 of 'req', got inf",
-    ),
-    ({"req": [(math.nan, 1)]}, InputError, "expected a finite time at event 0 of 'req', got nan"),
-    (
-        {"req": [(3, 1), (4, math.nan)]},
-        InputError,
-        "event 1 of 'req', at time 4.0, is nan; leave it out: a value lasts until the next event",
-    ),
-]
-
-
-@pytest.mark.parametrize(("events", "error", "text"), WRONG)
-def test_what_an_update_refuses(
-    events: Signals, error: Error, text: str, monitor: rtamt.dense.Monitor
-) -> None:
-    refused(error, text, lambda: monitor.update(events))
+@pytest.mark.parametrize(("call", "said"), ERRORS)
+def test_what_an_update_refuses(call: str, said: str, monitor: rtamt.dense.Monitor) -> None:
+    check(call, said, monitor=monitor, Column=Column, math=math)
     assert monitor.settled == 1
     assert monitor.update({"req": [(4, 0)], "gnt": [(4, 0)]}) == [(2, 2)]
     assert monitor.finish() == []

@@ -65,9 +65,6 @@ def test_every_operator_is_bounded_as_its_definition_says(
     agrees_with_its_definition(formula, trace, backend)
 
 
-FUTURE = [name for name, row in OPERATORS.items() if row.timed and row.future]
-
-
 @st.composite
 def endless(draw: st.DrawFn) -> Formula:
     """A window without an end over atoms."""

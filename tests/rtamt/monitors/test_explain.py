@@ -23,7 +23,6 @@ from rtamt import (
     Explanation,
     Formula,
     InputError,
-    InputTypeError,
     StateError,
     evaluate,
     explain,
@@ -318,39 +317,6 @@ def test_a_formula_without_variables_is_explained_by_itself() -> None:
 
 
 # Refused. ----------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("sample", "error", "message"),
-    [
-        (3, InputError, "expected a sample from 0 to 2, got 3"),
-        (-1, InputError, "expected a sample from 0 to 2, got -1"),
-        (0.5, InputTypeError, "expected the number of a sample, got float 0.5"),
-    ],
-)
-def test_a_sample_that_the_trace_has_not_is_refused(
-    sample: int, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error) as caught:
-        explain("always(a)", {"a": [1, 2, 3]}, sample=sample)
-    assert str(caught.value) == message
-
-
-@pytest.mark.parametrize(
-    ("start", "error", "message"),
-    [
-        (
-            "10",
-            InputTypeError,
-            "expected the time of the first sample in seconds as start, got str '10'",
-        ),
-        (math.nan, InputError, "expected a finite time of the first sample as start, got nan"),
-    ],
-)
-def test_a_start_that_is_no_time_is_refused(
-    start: float, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error) as caught:
-        explain("always(a)", {"a": [1, 2, 3]}, period=1, start=start)
-    assert str(caught.value) == message
 
 
 def test_what_evaluate_refuses_is_refused_alike() -> None:

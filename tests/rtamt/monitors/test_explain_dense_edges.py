@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt import InputError, InputTypeError, explain, variable
+from rtamt import explain, variable
 
 SPEC = """
 granted = eventually[0:1s](gnt >= 3)
@@ -250,62 +250,6 @@ def test_a_message_is_explained_by_its_field() -> None:
 
 
 # Refused. ----------------------------------------------------------------------------------------
-
-NUMBERS: Any = [(1, 1), (3, 2)]
-DATES: Any = [(np.datetime64("2026-01-01"), 1), (np.datetime64("2026-01-02"), 2)]
-
-FIRST, LAST = "2026-01-01T00:00:00.000000000", "2026-01-02T00:00:00.000000000"
-
-
-@pytest.mark.parametrize(
-    ("events", "time", "error", "message"),
-    [
-        (NUMBERS, 3.5, InputError, "expected a time from 1.0 to 3.0, got 3.5"),
-        (NUMBERS, 0, InputError, "expected a time from 1.0 to 3.0, got 0"),
-        (NUMBERS, math.nan, InputError, "expected a time from 1.0 to 3.0, got nan"),
-        (NUMBERS, 1e300, InputError, "expected a time from 1.0 to 3.0, got 1e+300"),
-        (NUMBERS, 10**400, InputError, f"expected a time from 1.0 to 3.0, got 1{'0' * 56}..."),
-        (NUMBERS, "2", InputTypeError, "expected a time from 1.0 to 3.0, got str '2'"),
-        (NUMBERS, [2], InputTypeError, "expected a time from 1.0 to 3.0, got list [2]"),
-        (
-            NUMBERS,
-            np.datetime64("2026-01-01"),
-            InputError,
-            "expected a time from 1.0 to 3.0, got 2026-01-01, which is a date",
-        ),
-        (
-            DATES,
-            5,
-            InputError,
-            f"expected a time from {FIRST} to {LAST}, got 5, which is not a datetime64",
-        ),
-        (
-            DATES,
-            "2026-01-01",
-            InputTypeError,
-            (
-                f"expected a time from {FIRST} to {LAST}, got str '2026-01-01', which is not a "
-                "datetime64"
-            ),
-        ),
-        (NUMBERS, np.float64(30), InputError, "expected a time from 1.0 to 3.0, got 30.0"),
-        (
-            DATES,
-            np.datetime64("NaT", "s"),
-            InputError,
-            f"expected a time from {FIRST} to {LAST}, got NaT",
-        ),
-    ],
-)
-def test_a_time_that_the_trace_has_not_is_refused(
-    events: Any,  # noqa: ANN401 - events and times of any kind
-    time: Any,  # noqa: ANN401
-    error: type[Exception],
-    message: str,
-) -> None:
-    with pytest.raises(error) as caught:
-        rtamt.dense.explain("always(a)", {"a": events}, time)
-    assert str(caught.value) == message
 
 
 def test_what_evaluate_dense_refuses_is_refused_alike() -> None:

@@ -17,8 +17,6 @@ from strategies import INTEGERS, Trace, formulas, length, sample, traces
 from rtamt import (
     EpisodeMonitor,
     Formula,
-    InputError,
-    InputTypeError,
     Monitor,
     VectorEpisodeMonitor,
     VectorMonitor,
@@ -30,12 +28,6 @@ from rtamt import (
 )
 
 INF = math.inf
-
-
-NAN = (
-    " is not a robustness: a monitor returns nan while the value is unknown, for the first "
-    "`latency` samples or before the first sample"
-)
 
 
 @pytest.mark.parametrize(
@@ -64,37 +56,6 @@ def test_it_reads_what_evaluate_gives() -> None:
     assert holds(evaluate("x >= y", trace)).tolist() == [False, True, True]
     assert holds(evaluate("x > y", trace)).tolist() == [False, False, True]
     assert holds(evaluate("always(x == 3 or y == 3)", trace)).tolist() == [True] * 3
-
-
-def test_nan_is_refused_with_its_place() -> None:
-    with pytest.raises(InputError) as refused:
-        holds(math.nan)
-    assert str(refused.value) == "nan" + NAN
-    robustness = Monitor("always[0:1](x > 0)").update_many({"x": [1, 2, 3]})
-    with pytest.raises(InputError) as refused:
-        holds(robustness)
-    assert str(refused.value) == "nan at index 0" + NAN
-    with pytest.raises(InputError) as refused:
-        holds(np.array([[1.0, 1.0], [1.0, math.nan]]))
-    assert str(refused.value) == "nan at index (1, 1)" + NAN
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ("1.0", "expected an array of numbers for the robustness, got str '1.0'"),
-        (None, "expected an array of numbers for the robustness, got NoneType None"),
-        (1j, "expected an array of numbers for the robustness, got complex 1j"),
-        ([1, "x"], "expected an array of numbers for the robustness, got <U21"),
-        ([[1], [1, 2]], "expected an array of numbers for the robustness, got list [[1], [1, 2]]"),
-        (True, "expected a robustness, got bool True"),
-        ([True, False], "expected a robustness, got list [True, False]"),
-    ],
-)
-def test_what_is_no_robustness_is_refused(given: float, message: str) -> None:
-    with pytest.raises(InputTypeError) as refused:
-        holds(given)
-    assert str(refused.value) == message
 
 
 Backend = Literal["native", "python"]

@@ -26,7 +26,6 @@ from rtamt.typing import End
 
 Backend = Literal["native", "python"]
 ENDS: tuple[End, ...] = ("complete", "cut", "open")
-NAN = math.nan
 
 
 @functools.cache

@@ -6,14 +6,16 @@ import pydoc
 from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from catalogue import check, entries
 
 import rtamt
-from rtamt import InputError, InputTypeError, Monitor, RtamtError
-from rtamt.machines.backend import BACKENDS
+from rtamt import InputError, Monitor, RtamtError
+from rtamt.machines.backend import BACKENDS, Backend
 from rtamt.monitors.options import OPTIONS
 
 EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
@@ -223,33 +225,9 @@ def test_an_argument_is_taken_or_refused_by_name(name: str) -> None:
 
 def test_columns_may_have_numbers_for_names() -> None:
     assert untyped.evaluate("x > 0", {0: [[9]], "x": [[1]], 1: [[9]]}).tolist() == [[1.0]]
-    with pytest.raises(InputError) as caught:
-        untyped.evaluate("x > 0", {0: [[9]], 1: [[9]]})
-    assert str(caught.value) == "No column 'x'. The columns are '0', '1'."
-    with pytest.raises(InputError) as caught:
-        untyped.Monitor("x > 0").update({0: 1.0})
-    assert str(caught.value) == "unknown variable '0'; the variables are x"
 
 
-def test_lengths_are_one_number_for_each_trace() -> None:
-    with pytest.raises(InputTypeError) as caught:
-        untyped.evaluate(S, ENTRIES, lengths=[[1], 2])
-    assert str(caught.value) == ("expected a whole number for each trace as lengths, got [[1], 2]")
-
-
-def test_constants_and_modules_are_given_by_name() -> None:
-    with pytest.raises(InputTypeError) as caught:
-        untyped.parse(S, constants=[("x", 1)])
-    assert str(caught.value) == (
-        "expected values of constants by name, got [('x', 1)]; write constants={\"limit\": 0.3}"
-    )
-    with pytest.raises(InputTypeError) as caught:
-        untyped.parse(S, modules=3)
-    assert str(caught.value) == "expected modules by name or names of modules, got 3"
-
-
-@pytest.mark.parametrize("path", [None, 3, b"a.stl", ["a.stl"]])
-def test_a_path_is_text_or_a_path(path: str) -> None:
-    with pytest.raises(InputTypeError) as caught:
-        rtamt.load(path)
-    assert str(caught.value) == f"expected the path of a file as text or a Path, got {path!r}"
+@pytest.mark.parametrize(("call", "said"), entries(Path(__file__).with_name("errors.txt")))
+def test_errors_of_calls(call: str, said: str, backend: Backend) -> None:
+    dates = [(np.datetime64("2026-01-01"), 1), (np.datetime64("2026-01-02"), 2)]
+    check(call, said, backend=backend, math=math, DATES=dates, NUMBERS=[(1, 1), (3, 2)])

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Literal, cast
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import pytest
 from bits import bits
+from catalogue import check, entries
 from message_classes import MODULES, Twist
 from message_classes import Vector as VectorMessage
 
@@ -44,146 +46,20 @@ def same(found: object, expected: object) -> bool:
 MASK = np.array([True, True, False])
 
 
-NEEDED = (
-    "expected an array of shape (3, 2), a row for each batch entry and a column for each of x, y, "
-)
-
-
-REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
-    (
-        lambda v: v.update(np.zeros((2, 3))),
-        InputError,
-        NEEDED + "got shape (2, 3); batch entries outside the mask need rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros((2, 2)), MASK),
-        InputError,
-        NEEDED + "got shape (2, 2); batch entries outside the mask need rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros(6)),
-        InputError,
-        NEEDED + "got shape (6,); batch entries outside the mask need rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2), dtype=complex)),
-        InputTypeError,
-        "expected an array of numbers for the batch, got complex128",
-    ),
-    (
-        lambda v: v.update([[1, 2], [3], [4, 5]]),
-        InputTypeError,
-        "expected an array of numbers for the batch, got list [[1, 2], [3], [4, 5]]",
-    ),
-    (
-        lambda v: v.update(None),
-        InputTypeError,
-        "expected an array of numbers for the batch, got NoneType None",
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2)), [[True], [True, False]]),
-        InputTypeError,
-        "expected a mask of 3 booleans, got list [[True], [True, False]]",
-    ),
-    (
-        lambda v: v.reset([[True], [True, False]]),
-        InputTypeError,
-        "expected a mask of 3 booleans, got list [[True], [True, False]]",
-    ),
-    (
-        lambda v: v.update({"x": 1}),
-        InputTypeError,
-        (
-            "expected an array with a row for each batch entry, got dict {'x': 1} with named "
-            "columns; pass the columns by name, as in update(**columns)"
-        ),
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2)), [0, 2]),
-        InputTypeError,
-        (
-            "expected a mask of 3 booleans, got dtype int64; "
-            "np.isin(range(3), [0, 2]) makes a mask from indices"
-        ),
-    ),
-    (
-        lambda v: v.reset(np.array([1.0, 0.0, 1.0])),
-        InputTypeError,
-        (
-            "expected a mask of 3 booleans, got dtype float64; "
-            "np.isin(range(3), [0, 2]) makes a mask from indices"
-        ),
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2)), [True, False]),
-        InputError,
-        (
-            "expected a mask of 3 booleans, one for each batch entry, got shape (2,); without a "
-            "mask, all entries are updated"
-        ),
-    ),
-    (
-        lambda v: v.reset(np.ones((3, 1), dtype=bool)),
-        InputError,
-        (
-            "expected a mask of 3 booleans, one for each batch entry, got shape (3, 1); without a "
-            "mask, all entries are updated"
-        ),
-    ),
-    (
-        lambda v: v.update([[1.0, 1.0], [1.0, NAN], [NAN, 1.0]]),
-        InputError,
-        (
-            "variable 'y' is nan at sample 2 of batch entry 1; pass nan='hold' to keep the last "
-            "value instead"
-        ),
-    ),
-    (
-        lambda v: v.update([[1.0, 1.0], [NAN, NAN], [1.0, 1.0]], MASK),
-        InputError,
-        (
-            "variable 'x' is nan at sample 2 of batch entry 1; pass nan='hold' to keep the last "
-            "value instead"
-        ),
-    ),
-    (
-        lambda v: v.update([[1, 1], [1, 1], [0, -1]]),
-        InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of batch entry 2, where x = 0.0, y = -1.0",
-    ),
-    (
-        lambda v: v.update([[-1.0, 0.0], [1.0, 1.0], [NAN, 1.0]]),
-        InputError,
-        (
-            "variable 'x' is nan at sample 1 of batch entry 2; pass nan='hold' to keep the last "
-            "value instead"
-        ),
-    ),
-    (
-        lambda v: v.update([[-1, 0], [-2, 0], [-3, 0]], ~MASK),
-        InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of batch entry 2, where x = -3.0, y = 0.0",
-    ),
-]
+ERRORS = entries(Path(__file__).with_name("vector_errors.txt"))
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-@pytest.mark.parametrize(("call", "error", "message"), REFUSED, ids=[r[2] for r in REFUSED])
+@pytest.mark.parametrize(("call", "said"), [e for e in ERRORS if e[0].startswith("v.")])
 def test_refused_input_says_why_and_changes_no_entry(
-    kind: type[Vector],
-    call: Callable[[Vector], object],
-    error: type[Exception],
-    message: str,
-    backend: Backend,
+    kind: type[Vector], call: str, said: str, backend: Backend
 ) -> None:
     text = "historically[0:3](sqrt(x + y) > 1) and once[0:2](x > y)"
     vector, twin = (kind(text, 3, backend=backend) for _ in range(2))
     for monitor in (vector, twin):
         monitor.update([[1, 2], [3, 4], [5, 6]])
         monitor.update([[5.0, 0.0], [7.0, 2.0], [NAN, 6.0]], MASK)
-    with pytest.raises(error) as caught:
-        call(vector)
-    assert str(caught.value) == message
+    check(call, said, v=vector, MASK=MASK, NAN=NAN)
     assert vector.samples.tolist() == [2, 2, 1]
     for rows in ([[9, 0], [8, 0], [7, 0]], [[1, 0], [2, 0], [3, 0]], [[1, 4], [2, 4], [3, 4]]):
         assert same(vector.update(rows), twin.update(rows))
@@ -245,40 +121,11 @@ def test_finish_needs_a_sample_in_every_entry_and_finishes_all_or_none(backend: 
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-@pytest.mark.parametrize(
-    ("num", "error", "message"),
-    [
-        (0, InputError, "expected 1 or more batch entries, got 0"),
-        (-3, InputError, "expected 1 or more batch entries, got -3"),
-        (2**24 + 1, InputError, "expected at most 16777216 batch entries, got 16777217"),
-        (2**62, InputError, f"expected at most 16777216 batch entries, got {2**62}"),
-        (2**70, InputError, f"expected at most 16777216 batch entries, got {2**70}"),
-        (
-            cast("int", 2.5),
-            InputTypeError,
-            "expected a whole number of batch entries, got 2.5; the period is the third argument",
-        ),
-        (
-            cast("int", "100ms"),
-            InputTypeError,
-            (
-                "expected a whole number of batch entries, got '100ms'; the period is the third "
-                "argument"
-            ),
-        ),
-        (
-            True,
-            InputTypeError,
-            "expected a whole number of batch entries, got True; the period is the third argument",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("call", "said"), [e for e in ERRORS if e[0].startswith("kind")])
 def test_the_number_of_entries_is_checked(
-    kind: type[Vector], num: int, error: type[Exception], message: str, backend: Backend
+    kind: type[Vector], call: str, said: str, backend: Backend
 ) -> None:
-    with pytest.raises(error) as caught:
-        kind("x > 0", num, backend=backend)
-    assert str(caught.value) == message
+    check(call, said, kind=partial(kind, backend=backend))
 
 
 TEXT = "once[0:1](x - y > 0)"
@@ -385,10 +232,10 @@ def test_a_default_is_held_as_by_a_single_monitor(kind: Any, backend: Backend) -
     monitor = kind(text, 2, backend=backend)
     single = [SINGLE[kind](text, backend=backend) for _ in range(2)]
     samples = [({"x": 1.0}, [0, 1]), ({"x": 1.0, "limit": 5.0}, [1]), ({"x": 0.5}, [0, 1])]
-    for sample, entries in samples:
-        mask = [entry in entries for entry in range(2)]
+    for sample, chosen in samples:
+        mask = [entry in chosen for entry in range(2)]
         found = monitor.update(**{name: [value] * 2 for name, value in sample.items()}, mask=mask)
-        for entry in entries:
+        for entry in chosen:
             assert bits([found[entry]]) == bits([single[entry].update(**sample)])
 
 
