@@ -3,10 +3,10 @@
 import math
 import pickle
 import random
-from typing import Literal
 
 import numpy as np
 import pytest
+from choices import Backend
 from dense_signals import Signals, relevant, signals
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -18,9 +18,6 @@ from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, trac
 
 import rtamt
 from rtamt import Explanation, Formula, explain, variable
-
-Backend = Literal["native", "python"]
-
 
 Case = tuple[Formula, Trace, int]
 

@@ -1,10 +1,10 @@
 """Dense time: whole signals against the definition, the golden file and discrete time."""
 
 import math
-from typing import Literal
 
 import numpy as np
 import pytest
+from choices import Backend
 from dense_oracle import Definition
 from dense_signals import Signals, bitwise, by_value, relevant, signals
 from golden_cases import cases
@@ -18,7 +18,6 @@ from rtamt import Formula, Interval, SpecificationError, evaluate, parse
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 
-Backend = Literal["native", "python"]
 GOLDEN = cases("dense.json")
 
 dense_formulas = formulas(endless=True, dense=True).filter(lambda f: f.variables)

@@ -4,11 +4,11 @@ import copy
 import math
 import pickle
 import random
-from typing import Literal
 
 import numpy as np
 import pytest
 from bits import identical
+from choices import ENDS, Backend
 from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, chunked, chunks, relevant, signals
 from hypothesis import assume, given, settings
@@ -25,10 +25,6 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.program.dense_lowering import NANOSECOND, compile_regions
-from rtamt.typing import End
-
-Backend = Literal["native", "python"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 
 
 def of(chunk: Signals, formula: Formula) -> Signals:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from catalogue import check, entries
+from choices import Backend
 from dense_signals import Signals, chunked, chunks, of, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -29,9 +30,6 @@ from rtamt import (
     StlDenseTimeSpecification,
 )
 from rtamt.inputs.events import EventsLike
-
-Backend = Literal["native", "python"]
-
 
 Error = type[RtamtError]
 

@@ -5,12 +5,12 @@ import itertools
 import pickle
 import random
 from collections.abc import Callable
-from typing import Literal
 
 import golden_cases
 import numpy as np
 import pytest
 from bits import identical
+from choices import ENDS, Backend
 from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, relevant, signals
 from hypothesis import assume, given, settings
@@ -25,9 +25,7 @@ import rtamt
 from rtamt import Formula, InputError, Judgement, RtamtError, Verdict, holds, judge
 from rtamt.typing import End
 
-Backend = Literal["native", "python"]
 Shape = Callable[[Formula], Formula]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
 NESTED: tuple[Shape, ...] = (
     lambda p: p.eventually(1).always(),

@@ -7,10 +7,11 @@ import pickle
 import re
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
+from choices import Backend
 from dense_oracle import Definition
 from dense_signals import (
     INTEGERS,
@@ -32,9 +33,6 @@ from strategies import formulas
 import rtamt
 from rtamt import Formula, Specification, parse
 from rtamt.language.interval import UNITS
-
-Backend = Literal["native", "python"]
-
 
 Steps = list[tuple[float, float]]
 

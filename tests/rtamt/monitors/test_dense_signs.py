@@ -4,9 +4,10 @@ import itertools
 import math
 import random
 from fractions import Fraction
-from typing import Literal, get_args
+from typing import get_args
 
 import pytest
+from choices import Backend
 from dense_oracle import boolean
 from dense_signals import INTEGERS, Signals, bitwise, chunked, chunks, play, relevant, signals
 from hypothesis import given, settings
@@ -26,7 +27,6 @@ from rtamt.program.implications import InstantRuns
 from rtamt.program.interface import STANDARD
 from rtamt.typing import End, SemanticsName
 
-Backend = Literal["native", "python"]
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)
 bounded = formulas(dense=True).filter(lambda f: f.variables)
 zeros = signals(INTEGERS)

@@ -4,11 +4,12 @@ import itertools
 import math
 import pickle
 import random
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from bits import identical
+from choices import ENDS, Backend
 from dense_oracle import STEP
 from dense_signals import Signals, chunked, chunks, relevant, signals
 from hypothesis import assume, given, settings
@@ -28,9 +29,7 @@ from rtamt.language.node import Node
 from rtamt.machines.backend import BACKENDS
 from rtamt.typing import End
 
-Backend = Literal["native", "python"]
 Uncertain = dict[str, list[tuple[float, float | UncertainValue]]]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 INF, NAN = math.inf, math.nan
 V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
 

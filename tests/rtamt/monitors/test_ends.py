@@ -1,10 +1,10 @@
 """How a trace ends: `finish(end=)` of the episode monitors under the three readings."""
 
 import math
-from typing import Literal
 
 import pytest
 from bits import identical
+from choices import ENDS, Backend
 from end_oracle import cut, ended
 from episode_monitors import feed, offered
 from golden_cases import cases
@@ -24,9 +24,6 @@ from rtamt import (
     parse,
 )
 
-Backend = Literal["native", "python"]
-End = Literal["complete", "cut", "open"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 INF = math.inf
 CUT = [case for case in cases("verdict.json") if "cut" in case]
 

@@ -8,10 +8,11 @@ import pickle
 import weakref
 from collections.abc import Callable
 from types import MemberDescriptorType
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import pytest
 from bits import identical
+from choices import Backend
 from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,9 +35,6 @@ from rtamt.language.formula import make
 from rtamt.language.operators import OPERATORS
 from rtamt.machines import state
 from rtamt.machines.backend import read_only
-
-Backend = Literal["native", "python"]
-
 
 INF = math.inf
 

@@ -6,10 +6,11 @@ import math
 import pickle
 import random
 import sys
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
+from choices import Backend
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from opened import opened
@@ -29,9 +30,6 @@ from rtamt import (
     holds,
     variable,
 )
-
-Backend = Literal["native", "python"]
-
 
 INF = math.inf
 

@@ -7,12 +7,13 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import golden_cases
 import numpy as np
 import pytest
 from bits import bits
+from choices import Backend
 from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, relevant, signals
 from hypothesis import assume, given, settings
@@ -31,9 +32,6 @@ from rtamt.language.formula import make
 from rtamt.language.interval import Interval
 from rtamt.language.node import Node
 from rtamt.monitors.explanation import DenseContribution, DenseExplanationStep
-
-Backend = Literal["native", "python"]
-
 
 INF = math.inf
 

@@ -3,15 +3,14 @@
 import math
 import random
 from collections.abc import Callable
-from typing import Literal
 
 import pytest
 
 import rtamt
 from rtamt import Verdict
 from rtamt.internal import explain_dense_verdict, explain_verdict
+from rtamt.typing import End
 
-End = Literal["cut", "open", "complete"]
 Trace = dict[str, list[float]]
 
 SHAPES = (

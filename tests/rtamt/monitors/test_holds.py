@@ -1,12 +1,12 @@
 """The sign of a robustness: whether the formula holds, at 0 too."""
 
 import math
-from typing import Literal
 
 import numpy as np
 import pytest
 from bits import bits, identical
 from boolean_oracle import holds as true_at
+from choices import Backend
 from episode_monitors import feed
 from golden_cases import cases
 from hypothesis import given
@@ -56,9 +56,6 @@ def test_it_reads_what_evaluate_gives() -> None:
     assert holds(evaluate("x >= y", trace)).tolist() == [False, True, True]
     assert holds(evaluate("x > y", trace)).tolist() == [False, False, True]
     assert holds(evaluate("always(x == 3 or y == 3)", trace)).tolist() == [True] * 3
-
-
-Backend = Literal["native", "python"]
 
 
 def table(trace: Trace, names: tuple[str, ...]) -> list[list[float]]:

@@ -4,11 +4,11 @@ import copy
 import inspect
 import pickle
 import random
-from typing import Literal
 
 import numpy as np
 import pytest
 from bits import identical
+from choices import ENDS, Backend
 from end_oracle import cut, ended, holds
 from episode_monitors import feed, offered
 from hypothesis import given, settings
@@ -30,10 +30,8 @@ from rtamt import (
     variable,
 )
 from rtamt.language.node import Node
+from rtamt.typing import End
 
-Backend = Literal["native", "python"]
-End = Literal["complete", "cut", "open"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
 
 

@@ -5,13 +5,14 @@ import pickle
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
+from choices import ENDS, Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from implying import aware, requirements
@@ -36,10 +37,6 @@ from rtamt.machines.protocols import TraceSet
 from rtamt.monitors import Judgements
 from rtamt.program.lowering import compile_program
 
-End = Literal["complete", "cut", "open"]
-Backend = Literal["native", "python"]
-
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 NAN = float("nan")
 
 

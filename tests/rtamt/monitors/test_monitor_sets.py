@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from bits import bits, identical
+from choices import Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -288,9 +289,6 @@ def test_one_that_was_not_made_is_refused() -> None:
     for names, reads in ((["x", "y"], [0]), (["x", "y"], [0, (np.zeros(1), 1)])):
         with pytest.raises(ValueError, match="expected"):
             native([monitor], names, reads)
-
-
-Backend = Literal["native", "python"]
 
 
 NAMES = "xy"

@@ -4,10 +4,11 @@ import copy
 import math
 import pickle
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
+from choices import Backend
 from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,9 +29,6 @@ from rtamt import (
     parse,
 )
 from rtamt.machines.backend import BackendName
-
-Backend = Literal["native", "python"]
-
 
 INF = math.inf
 

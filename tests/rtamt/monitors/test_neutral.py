@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from bits import bits, identical
+from choices import ENDS, Backend
 
 from rtamt import (
     EpisodeMonitor,
@@ -20,11 +21,9 @@ from rtamt import (
     VectorMonitor,
     Verdict,
 )
+from rtamt.typing import End
 
-Backend = Literal["native", "python"]
-End = Literal["complete", "cut", "open"]
 SPEC = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 DUPLICATES: list[Callable[[Any], Any]] = [
     copy.copy,
     copy.deepcopy,

@@ -4,10 +4,11 @@ import functools
 import math
 import pickle
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
+from choices import ENDS, Backend
 from dense_oracle import STEP
 from dense_signals import Signals, relevant, signals
 from hypothesis import assume, given, settings
@@ -23,9 +24,6 @@ import rtamt
 from rtamt import Formula, InputError, UncertainValue, Verdict, judge, occurrences, parse
 from rtamt.monitors import BodyOccurrences, Occurrences
 from rtamt.typing import End
-
-Backend = Literal["native", "python"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 
 
 @functools.cache

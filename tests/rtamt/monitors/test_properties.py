@@ -6,12 +6,12 @@ import math
 import pickle
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Literal
 
 import numpy as np
 import pytest
 from bits import identical
 from boolean_oracle import holds
+from choices import Backend
 from end_laws import MACHINES, count
 from golden_cases import cases
 from golden_cases import length as case_length
@@ -25,9 +25,6 @@ from strategies import INFINITIES, TERMS, Trace, chunkings, formulas, length, ro
 import rtamt
 from rtamt import EpisodeMonitor, Formula, Monitor, SpecificationError, evaluate
 from rtamt.language.operators import OPERATORS
-
-Backend = Literal["native", "python"]
-
 
 ROOTS = tuple(OPERATORS)
 

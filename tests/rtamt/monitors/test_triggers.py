@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from asked_oracle import dense_evidence, evidence
+from choices import ENDS, Backend
 from dense_signals import Signals, relevant, signals
 from golden_cases import cases as golden
 from hypothesis import assume, given, settings
@@ -34,15 +35,6 @@ from rtamt import (
     parse,
 )
 from rtamt.monitors import Evidence, Implications, TriggerCount
-
-Backend = Literal["native", "python"]
-
-
-End = Literal["complete", "cut", "open"]
-
-
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
-
 
 Rows = tuple[tuple[object, ...], ...]
 

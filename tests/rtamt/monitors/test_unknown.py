@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from bits import bits, identical
+from choices import ENDS, Backend
 from episode_monitors import offered
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,10 +35,8 @@ from rtamt import (
     variable,
 )
 from rtamt.machines.backend import BACKENDS
+from rtamt.typing import End
 
-Backend = Literal["native", "python"]
-End = Literal["complete", "cut", "open"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 INF, NAN = math.inf, math.nan
 SPEC = "always(a > 1 implies eventually[0:2](b >= 0))"
 

@@ -4,11 +4,12 @@ import copy
 import pickle
 import random
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from bits import bits, identical
+from choices import ENDS, Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -27,9 +28,6 @@ from rtamt import (
 )
 from rtamt.machines.backend import BACKENDS
 
-Backend = Literal["native", "python"]
-End = Literal["complete", "cut", "open"]
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
 NAN, INF = float("nan"), float("inf")
 
 

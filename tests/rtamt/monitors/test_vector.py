@@ -4,11 +4,12 @@ import copy
 import math
 import pickle
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from bits import bits
+from choices import ENDS, Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -18,15 +19,7 @@ from strategies import INFINITIES, QUARTERS, formulas
 from rtamt import EpisodeMonitor, Formula, Monitor, VectorEpisodeMonitor, VectorMonitor
 from rtamt.inputs.batch import BatchReader
 from rtamt.machines.backend import BACKENDS
-
-Backend = Literal["native", "python"]
-
-
-End = Literal["complete", "cut", "open"]
-
-
-ENDS: tuple[End, ...] = ("complete", "cut", "open")
-
+from rtamt.typing import End
 
 Masks = NDArray[np.bool_] | None
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from bits import bits
 from catalogue import check, entries
+from choices import Backend
 from message_classes import MODULES, Twist
 from message_classes import Vector as VectorMessage
 
@@ -26,9 +27,6 @@ from rtamt import (
     VectorMonitor,
     parse,
 )
-
-Backend = Literal["native", "python"]
-
 
 Vector = VectorMonitor | VectorEpisodeMonitor
 
