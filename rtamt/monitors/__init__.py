@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from rtamt.monitors.explanation import Contribution
     from rtamt.monitors.judgement import Implications
     from rtamt.monitors.judgements import Judgements, TriggerColumns
-    from rtamt.monitors.occurrence_table import (
+    from rtamt.monitors.occurrences import (
         BodyOccurrences,
         Occurrence,
         Occurrences,
@@ -45,7 +45,7 @@ if not TYPE_CHECKING:  # a type checker would accept any name
             "Judgements": "rtamt.monitors.judgements.Judgements",
             "TriggerColumns": "rtamt.monitors.judgements.TriggerColumns",
             **{
-                name: f"rtamt.monitors.occurrence_table.{name}"
+                name: f"rtamt.monitors.occurrences.{name}"
                 for name in (
                     "BodyOccurrences",
                     "Occurrence",
