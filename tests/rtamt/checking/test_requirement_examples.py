@@ -11,7 +11,7 @@ from profiles import examples
 from small_texts import texts_of
 
 import rtamt
-from rtamt import InputError, Verdict, judge
+from rtamt import Verdict, judge
 from rtamt.checking import Example, simplify
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
@@ -188,11 +188,6 @@ def test_bounds_in_time_are_left_by_one_sample() -> None:
 def test_the_same_arguments_give_the_same_examples() -> None:
     assert only(RESPONSE) == only(RESPONSE)
     assert only(RESPONSE, count=3).examples == only(RESPONSE).examples[:3]
-
-
-def test_count_below_1_error() -> None:
-    with pytest.raises(InputError, match=r"^count: expected 1 example or more, got 0$"):
-        only("x > 0", count=0)
 
 
 def changes(example: Example) -> int:

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
+from catalogue import check, entries
 from compat_specs import declared, declared_dense
 
 import rtamt
@@ -13,86 +15,24 @@ from rtamt.compat.specification import AbstractSpecification
 
 
 def test_every_error_is_the_released_exception() -> None:
+    assert issubclass(rtamt.RtamtError, rtamt.RTAMTException)
     assert issubclass(rtamt.ParseError, rtamt.RTAMTException)
-    spec = StlDiscreteTimeSpecification()
-    spec.import_module("fractions", "Fractoin")
-    calls: dict[str, Callable[[], object]] = {
-        "expected the text of a specification in the attribute spec, got None": spec.parse,
-        "expected a parsed specification; call parse() first": lambda: spec.update(0, []),
-        "unknown type 'Foo'; import it first: import_module(MODULE, 'Foo')": (
-            lambda: spec.declare_var("a", "Foo")
-        ),
-        "unknown type 'flaot'; did you mean 'float'?": lambda: spec.declare_var("a", "flaot"),
-        "the module 'fractions' has no 'Fractoin'; did you mean 'Fraction'?": (
-            lambda: spec.declare_var("a", "Fractoin")
-        ),
-        "cannot import the module 'nowhere': No module named 'nowhere'": (
-            lambda: spec.import_module("nowhere", "Foo")
-        ),
-        "expected a unit (s, ms, us, ns, ps, min, h), got 'd'": (
-            lambda: spec.set_sampling_period(1, "d")
-        ),
-        "expected a tolerance between 0 and 1, got 2": lambda: spec.set_sampling_period(1, "s", 2),
-        'expected a period from 1e-300 to 1e300 s, or text such as "100ms", got -1': (
-            lambda: spec.set_sampling_period(-1)
-        ),
-        "no variable and no formula is named 'z'": lambda: spec.get_value("z"),
-        "expected a file with a specification, got no file /no/such.stl": (
-            lambda: spec.get_spec_from_file("/no/such.stl")
-        ),
-    }
-    for message, call in calls.items():
-        with pytest.raises(rtamt.RTAMTException) as raised:
-            call()
-        assert str(raised.value) == message
-    spec.declare_const("k", "float", "1")
-    with pytest.raises(rtamt.RTAMTException, match="'k' is already declared"):
-        spec.declare_const("k", "float", "2")
 
 
-def test_evaluate_says_what_is_wrong_with_the_data() -> None:
-    spec = declared("a > b", ("a", "b"))
-    wrong: dict[str, dict[str, list[float]]] = {
-        "expected the times of the samples as 'time', got none": {"a": [1.0], "b": [1.0]},
-        "No column 'b'. The columns are 'a'.": {
-            "time": [0],
-            "a": [1.0],
-        },
-        "expected columns of one length, got a: 1, b: 1 and time: 2": {
-            "time": [0, 1],
-            "a": [1.0],
-            "b": [1.0],
-        },
-        "expected a trace of at least 1 sample, got 0": {"time": [], "a": [], "b": []},
-    }
-    for message, data in wrong.items():
-        with pytest.raises(rtamt.InputError) as raised:
-            spec.evaluate(data)
-        assert str(raised.value) == message
-    with pytest.raises(rtamt.StateError, match="expected a trace to explain"):
-        spec.explain()
+@pytest.mark.parametrize(("call", "said"), entries(Path(__file__).with_name("errors.txt")))
+def test_errors_of_calls(call: str, said: str) -> None:
+    new = StlDiscreteTimeSpecification()
+    new.import_module("fractions", "Fractoin")
+    new.declare_const("k", "float", "1")
+    spec, fed = (declared("a > b", ("a", "b")) for _ in range(2))
+    fed.update(0, [("a", 3.0), ("b", 1.0)])
+    check(call, said, new=new, spec=spec, fed=fed)
+    assert fed.update(1, [("b", 2.0)]) == 1.0
 
 
-def test_samples_and_times_of_another_kind_are_refused() -> None:
-    spec: Any = declared("a > b", ("a", "b"))
-    calls: list[tuple[Callable[[], object], str]] = [
-        (
-            lambda: spec.update(1, [("a", 1, 2)]),
-            "expected pairs of a name and a value, as [('x', 1.5)], got [('a', 1, 2)]",
-        ),
-        (
-            lambda: spec.update("one", [("a", 1)]),
-            "expected a number as the time of the sample, got 'one'",
-        ),
-        (
-            lambda: spec.evaluate({"time": None, "a": [1], "b": [1]}),
-            "expected numbers as the times of the samples, got None",
-        ),
-    ]
-    for call, message in calls:
-        with pytest.raises(rtamt.InputTypeError) as raised:
-            call()
-        assert str(raised.value) == message
+def test_hold_replaces_a_refused_nan() -> None:
+    trace = {"a": [1.0, 1.0], "b": [0.0, math.nan]}
+    assert list(rtamt.evaluate("a > b", trace, nan="hold")) == [1.0, 1.0]
 
 
 def test_after_an_error_all_is_as_before() -> None:
@@ -127,34 +67,6 @@ def test_bound_error_names_set_sampling_period() -> None:
         with pytest.raises(rtamt.ParseError) as caught:
             call()
         assert str(caught.value) == text
-
-
-def test_nan_error_for_each_call() -> None:
-    spec = declared("a > b", ("a", "b"))
-    spec.update(0, [("a", 3.0), ("b", 1.0)])
-    trace = {"a": [1.0, 1.0], "b": [0.0, float("nan")]}
-    calls: list[tuple[Callable[[], object], str]] = [
-        (
-            lambda: spec.update(1, [("a", float("nan")), ("b", 2.0)]),
-            (
-                "variable 'a' is nan at sample 1; "
-                "leave it out of the sample, and it keeps its last value"
-            ),
-        ),
-        (
-            lambda: spec.evaluate({"time": [0, 1], **trace}),
-            (
-                "variable 'b' is nan at sample 1; "
-                "rtamt.evaluate with nan='hold' keeps the last value instead"
-            ),
-        ),
-    ]
-    for call, message in calls:
-        with pytest.raises(rtamt.InputError) as caught:
-            call()
-        assert str(caught.value) == message
-    assert spec.update(1, [("b", 2.0)]) == 1.0
-    assert list(rtamt.evaluate("a > b", trace, nan="hold")) == [1.0, 1.0]
 
 
 @pytest.mark.parametrize(

@@ -326,35 +326,6 @@ def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
     assert identical(offered(pickle.loads(pickle.dumps(e))), offered(e))
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper", "message"),
-    [
-        (
-            2,
-            1,
-            "a lower end of UncertainValue that is not above the upper one, got 2.0 and 1.0",
-        ),
-        (
-            0.0,
-            -0.0,
-            "expected a lower end of UncertainValue that is not above the upper one, got 0.0 ",
-        ),
-        (
-            NAN,
-            1,
-            "ends of UncertainValue, and UncertainValue(-math.inf, math.inf) of what",
-        ),
-        ([1, 2], [1, NAN], "expected numbers as ends of UncertainValue"),
-        ([1, 2], [1, 0], "is not above the upper one, got 2.0 and 0.0 at 1"),
-        ([1, 2], [1, 2, 3], "expected two ends of UncertainValue of one shape, got (2,) and (3,)"),
-    ],
-)
-def test_ends_that_are_none(lower: Any, upper: Any, message: str) -> None:  # noqa: ANN401
-    with pytest.raises(InputError) as error:
-        UncertainValue(lower, upper)
-    assert message in str(error.value)
-
-
 def test_an_interval_is_a_value() -> None:
     x = UncertainValue(1, 2)
     same = UncertainValue(1.0, 2.0)

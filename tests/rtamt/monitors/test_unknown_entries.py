@@ -4,11 +4,13 @@ import copy
 import pickle
 import random
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from bits import bits, identical
+from catalogue import check, entries
 from choices import ENDS, Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -194,57 +196,16 @@ def test_hold_keeps_an_interval(backend: Backend) -> None:
     assert identical(vector.upper, [2.0, 5.0])
 
 
-@pytest.mark.parametrize(
-    ("values", "upper", "message"),
-    [
-        (
-            [[1, 1], [2, 1]],
-            [[1, 1], [1, 1]],
-            (
-                "expected a lower end of 'x' that is not above the upper one, got 2.0 and 1.0 at "
-                "sample 1 of batch entry 1"
-            ),
-        ),
-        (
-            [[1, 0.0], [2, 1]],
-            [[1, -0.0], [2, 1]],
-            (
-                "expected a lower end of 'y' that is not above the upper one, got 0.0 and -0.0 at "
-                "sample 1 of batch entry 0"
-            ),
-        ),
-        (
-            [[1, NAN], [2, 1]],
-            [[1, NAN], [2, 1]],
-            (
-                "expected numbers as ends of 'y', and -inf and inf of what is not known, got nan "
-                "and nan at sample 1 of batch entry 0"
-            ),
-        ),
-        ([[1, 1], [2, 1]], [[1], [2]], "expected an array of shape (2, 2)"),
-        (
-            [[1, 1], [-9, 0]],
-            [[2, 1], [-8, 3]],
-            (
-                "'sqrt(x + y)' is not a number at sample 1 of batch entry 1, "
-                "where x = UncertainValue(-9.0, -8.0), y = UncertainValue(0.0, 3.0)"
-            ),
-        ),
-    ],
-)
-def test_an_error_leaves_every_entry_as_it_was(
-    values: Any,  # noqa: ANN401 - as callers write it
-    upper: Any,  # noqa: ANN401
-    message: str,
-    backend: Backend,
-) -> None:
+ERRORS = entries(Path(__file__).with_name("vector_errors.txt"))
+
+
+@pytest.mark.parametrize(("call", "said"), [e for e in ERRORS if e[0].startswith("entries")])
+def test_an_error_leaves_every_entry_as_it_was(call: str, said: str, backend: Backend) -> None:
     vector = VectorEpisodeMonitor("always(sqrt(x + y) > 1)", 2, nan="unknown", backend=backend)
     vector.update([[1, 1], [1, 1]])
     for _ in range(2):
         before = offered(vector)
-        with pytest.raises(InputError) as error:
-            vector.update(values, upper=upper)
-        assert str(error.value).startswith(message)
+        check(call, said, entries=vector, NAN=NAN)
         assert offered(vector) == before
         vector.reset()
         vector.update([[1.0, 1.0], [NAN, 1.0]])
