@@ -1,7 +1,5 @@
 """Dense time: whole signals against the definition, the golden file and discrete time."""
 
-import math
-
 import numpy as np
 import pytest
 from choices import Backend
@@ -167,45 +165,12 @@ def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sampl
 # By hand. ----------------------------------------------------------------------------------------
 
 
-def test_a_window_of_time_sees_a_value_that_no_sample_would(backend: Backend) -> None:
-    blip = {"x": [(0, 0), (1.001, 5), (1.002, 0), (3, 0)]}
-    robustness = rtamt.dense.evaluate("eventually[0:1](x > 1)", blip, backend=backend)
-    assert robustness.values.tolist() == [-1.0, 4.0, -1.0]
-    assert robustness.times == pytest.approx([0, 0.001, 1.002])
-
-
 def test_units_are_converted(backend: Backend) -> None:
     signal = {"x": [(0, 1), (250, 5), (1000, 5)]}
     in_ms = parse("once[0:0.5s](x > 1)", unit="ms")
     assert rtamt.dense.evaluate(in_ms, signal, backend=backend) == [(0, 0), (250, 4)]
     late = parse("historically[0:0.5s](x > 1)", unit="ms")
     assert rtamt.dense.evaluate(late, signal, backend=backend) == [(0, 0), (750, 4)]
-
-
-def test_the_trace_is_where_all_variables_are_known(backend: Backend) -> None:
-    whole = {"x": [(0, 9), (2, 8), (9, 7)], "y": [(1, 1), (4, 3), (6, 4)]}
-    assert rtamt.dense.evaluate("x - y > 0", whole, backend=backend) == [
-        (1, 8),
-        (2, 7),
-        (4, 5),
-        (6, 4),
-    ]
-
-
-def test_one_event_is_a_trace_of_one_instant(backend: Backend) -> None:
-    assert rtamt.dense.evaluate("always[0:1](x > 1)", {"x": [(3, 5)]}, backend=backend) == [(3, 4)]
-    assert rtamt.dense.evaluate("eventually[1:2](x > 1)", {"x": [(3, 5)]}, backend=backend) == [
-        (3, -math.inf)
-    ]
-
-
-def test_the_end_is_an_instant_with_a_robustness_of_its_own(backend: Backend) -> None:
-    signal = {"x": [(0, 5), (2, 1)]}
-    assert rtamt.dense.evaluate("x > 0", signal, backend=backend) == [(0, 5), (2, 1)]
-    assert rtamt.dense.evaluate("eventually[0:1](x < 2)", signal, backend=backend) == [
-        (0, -3),
-        (1, 1),
-    ]
 
 
 @pytest.mark.parametrize(

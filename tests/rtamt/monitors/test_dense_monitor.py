@@ -49,7 +49,7 @@ def least_last(monitor: rtamt.dense.Monitor, calls: Chunks) -> float:
 
 
 # What is settled. --------------------------------------------------------------------------------
-@given(formula=bounded, whole=signals(), shares=chunks())
+@given(formula=bounded, whole=signals() | signals(INTEGERS), shares=chunks())
 def test_update_gives_all_that_is_settled_and_each_breakpoint_once(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
@@ -63,7 +63,7 @@ def test_update_gives_all_that_is_settled_and_each_breakpoint_once(
         assert monitor.settled == least_last(monitor, calls[: i + 1]) - monitor.horizon
         assert given_so_far == [step for step in expected if step[0] < monitor.settled]
     assert not monitor.finished
-    assert given_so_far + monitor.finish() == expected
+    assert bitwise(given_so_far + monitor.finish()) == bitwise(expected)
     assert monitor.finished
     assert monitor.settled == least_last(monitor, calls)
     assert monitor.finish() == []
@@ -82,20 +82,6 @@ def test_chunks_do_not_matter_at_times_that_no_double_adds_exactly(
     whole = {n: [(t / 3 + 0.1, v) for t, v in events] for n, events in tenths.items()}
     expected = rtamt.dense.evaluate(formula, whole, backend=backend)
     assert play(rtamt.dense.Monitor(formula, backend=backend), chunked(whole, shares)) == expected
-
-
-@given(formula=bounded, whole=signals(), shares=chunks())
-def test_back_ends_agree_to_the_bit(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
-) -> None:
-    moved = {n: [(t / 7, v / 3) for t, v in events] for n, events in whole.items()}
-    monitor = rtamt.dense.Monitor(formula, backend=backend)
-    reference = rtamt.dense.Monitor(formula, backend="python")
-    for chunk in chunked(moved, shares):
-        given_now = monitor.update(of(monitor, chunk))
-        assert bitwise(given_now) == bitwise(reference.update(of(reference, chunk)))
-        assert monitor.settled == reference.settled
-    assert bitwise(monitor.finish()) == bitwise(reference.finish())
 
 
 @pytest.mark.parametrize("operator", ["always", "eventually"])

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from interface_oracle import SEMANTICS
 from profiles import examples
 from region_oracle import Regions
-from strategies import DENSE, formulas, rooted
+from strategies import formulas
 
 import rtamt
 from rtamt import Formula
@@ -52,17 +52,6 @@ def test_the_sign_bit_is_clear_where_the_formula_holds(
     assert holding(rtamt.dense.evaluate(formula, whole, backend=backend)) == truth(formula, whole)
 
 
-@settings(max_examples=examples(6))
-@pytest.mark.parametrize("name", DENSE)
-@given(data=st.data(), whole=zeros)
-def test_so_it_is_under_every_operator(
-    name: str, data: st.DataObject, whole: Signals, backend: Backend
-) -> None:
-    strategy = rooted(name, depth=1, endless=True, dense=True)
-    formula = data.draw(strategy.filter(lambda f: f.variables))
-    assert holding(rtamt.dense.evaluate(formula, whole, backend=backend)) == truth(formula, whole)
-
-
 @settings(max_examples=examples(40))
 @given(formula=any_formula, whole=zeros)
 def test_boolean_semantics_has_infinities_of_the_same_signs(
@@ -71,15 +60,6 @@ def test_boolean_semantics_has_infinities_of_the_same_signs(
     robustness = rtamt.dense.evaluate(formula, whole, semantics="boolean", backend=backend)
     assert all(math.isinf(value) for value in robustness.values.tolist())
     assert holding(robustness) == truth(formula, whole)
-
-
-@settings(max_examples=examples(40))
-@given(formula=bounded, whole=zeros, shares=chunks())
-def test_chunks_do_not_change_a_sign(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
-) -> None:
-    steps = play(rtamt.dense.Monitor(formula, backend=backend), chunked(whole, shares))
-    assert bitwise(steps) == bitwise(rtamt.dense.evaluate(formula, whole, backend=backend))
 
 
 @pytest.mark.parametrize("semantics", [*SEMANTICS, "boolean"])

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bits import identical
 from choices import Backend
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from opened import opened
 from oracle import bounds, robustness
 from profiles import examples
-from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
+from strategies import FORMULAS, INTEGERS, QUARTERS, Trace, formulas, length, rooted, traces
 
 import rtamt
 from rtamt import (
@@ -38,7 +39,7 @@ INF = math.inf
 def explained(draw: st.DrawFn, name: str | None = None) -> tuple[Formula, Trace, int]:
     """A formula, a trace, and a sample."""
     formula = formulas(endless=True) if name is None else rooted(name, depth=2, endless=True)
-    trace = draw(traces())
+    trace = draw(traces(values=QUARTERS + INTEGERS))
     return draw(formula), trace, draw(st.integers(0, length(trace) - 1))
 
 
@@ -72,7 +73,7 @@ def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_
     steps = explanation.steps
     assert (steps[0].formula, steps[0].sample) == (formula, sample)
     for step in steps:
-        assert step.value == robustness(step.formula, trace, n)[step.sample]
+        assert identical([step.value], [robustness(step.formula, trace, n)[step.sample]])
         if step.witness is not None:
             assert step.witness in offsets(step.formula, step.sample, n)
             value = reached(step.formula, trace, n, step.sample, step.witness)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bits import bits, identical
+from bits import identical
 from boolean_oracle import holds as true_at
 from choices import Backend
 from episode_monitors import feed
@@ -18,13 +18,10 @@ from rtamt import (
     EpisodeMonitor,
     Formula,
     Monitor,
-    VectorEpisodeMonitor,
     VectorMonitor,
     Verdict,
     evaluate,
-    explain,
     holds,
-    parse,
 )
 
 INF = math.inf
@@ -131,58 +128,6 @@ def test_the_bounds_say_what_holds_whatever_comes(
         true = true_at(formula, whole, n, 0)
         assert true or not holds(monitor.lower)
         assert holds(monitor.upper) or not true
-
-
-@given(
-    formula=formulas(endless=True, depth=2),
-    rows=st.lists(traces(values=INTEGERS, least=5, most=5), min_size=3, max_size=3),
-)
-def test_entries_have_the_bits_and_the_verdicts_of_single_episodes(
-    formula: Formula, rows: list[Trace], backend: Backend
-) -> None:
-    entries = VectorEpisodeMonitor(formula, 3, backend=backend)
-    single = [EpisodeMonitor(formula, backend=backend) for _ in rows]
-    for i in range(5):
-        now = [feed(monitor, trace, i) for monitor, trace in zip(single, rows, strict=True)]
-        block = np.array([[trace[v][i] for v in entries.variables] for trace in rows], dtype=float)
-        assert identical(entries.update(block.reshape(3, -1)), now)
-        assert identical(entries.lower, [monitor.lower for monitor in single])
-        assert identical(entries.upper, [monitor.upper for monitor in single])
-        assert entries.verdict.tolist() == [monitor.verdict for monitor in single]
-    ended = [monitor.finish() for monitor in single]
-    assert identical(entries.finish(), ended)
-    assert entries.verdict.tolist() == [monitor.verdict for monitor in single]
-    assert 0 not in entries.verdict
-
-
-@given(
-    formula=formulas(endless=True, depth=2),
-    rows=st.lists(traces(values=INTEGERS), min_size=1, max_size=3),
-)
-def test_many_traces_have_the_bits_of_one(
-    formula: Formula, rows: list[Trace], backend: Backend
-) -> None:
-    names = parse(str(formula)).variables
-    if not names:
-        return
-    one = {name: [value for trace in rows for value in trace[name]] for name in names}
-    n = len(one[names[0]])
-    block = {name: np.array([values, values]) for name, values in one.items()}
-    many = evaluate(formula, block, lengths=[n, n], backend=backend)
-    expected = bits(evaluate(formula, one, n=n, backend=backend)[:1])
-    assert bits(np.atleast_2d(many)[:, 0]) == expected * 2
-
-
-@given(formula=formulas(endless=True, depth=2), trace=traces(values=INTEGERS))
-def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
-    formula: Formula, trace: Trace, backend: Backend
-) -> None:
-    n = length(trace)
-    explanation = explain(formula, trace, n=n, backend=backend)
-    assert identical([explanation.robustness], evaluate(formula, trace, n=n, backend=backend)[:1])
-    for step in explanation.steps:
-        assert holds(step.value) is true_at(step.formula, trace, n, step.sample)
-        assert abs(step.value) == abs(explanation.robustness)
 
 
 @pytest.mark.slow(backend="python")

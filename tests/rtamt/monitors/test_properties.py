@@ -10,7 +10,6 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from bits import identical
-from boolean_oracle import holds
 from choices import Backend
 from end_laws import MACHINES, count
 from golden_cases import cases
@@ -103,25 +102,7 @@ def test_infinite_samples_are_legal(formula: Formula, trace: Trace, backend: Bac
     assert identical(evaluate(formula, trace, n=n, backend=backend), robustness(formula, trace, n))
 
 
-@given(formula=formulas(endless=True), trace=traces())
-def test_the_sign_of_the_robustness_says_whether_the_formula_holds(
-    formula: Formula, trace: Trace, backend: Backend
-) -> None:
-    n = length(trace)
-    for i, value in enumerate(evaluate(formula, trace, n=n, backend=backend)):
-        assert (math.copysign(1, value) > 0) == holds(formula, trace, n, i)
-
-
 # Online. -----------------------------------------------------------------------------------------
-@given(case=interrupted())
-def test_online_equals_offline_after_latency_and_is_nan_before(
-    case: tuple[Formula, Trace, int], backend: Backend
-) -> None:
-    formula, trace, _ = case
-    monitor, n = Monitor(formula, backend=backend), length(trace)
-    offline = evaluate(formula, trace, backend=backend)
-    expected = [math.nan] * monitor.latency + offline.tolist()
-    assert identical(play(monitor, trace, range(n)), expected[:n])
 
 
 @given(formula=formulas())
@@ -175,18 +156,6 @@ def test_update_many_and_update_mix(case: tuple[Formula, Trace, int], backend: B
         *second.update_many(block(second, trace, slice(cut, n))),
     ]
     assert identical(mixed, expected)
-
-
-@given(case=interrupted(endless=True))
-def test_back_ends_give_equal_bits(case: tuple[Formula, Trace, int], backend: Backend) -> None:
-    formula, trace, _ = case
-    reference = evaluate(formula, trace, backend="python")
-    assert identical(evaluate(formula, trace, backend=backend), reference)
-    if horizon(formula) < math.inf:
-        n = length(trace)
-        monitor, twin = Monitor(formula, backend=backend), Monitor(formula, backend="python")
-        assert identical(play(monitor, trace, range(n)), play(twin, trace, range(n)))
-        assert monitor.latency == twin.latency
 
 
 @given(case=interrupted())

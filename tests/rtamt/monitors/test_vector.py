@@ -12,9 +12,9 @@ from bits import bits
 from choices import ENDS, Backend
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from profiles import examples
-from strategies import INFINITIES, QUARTERS, formulas
+from strategies import INFINITIES, INTEGERS, QUARTERS, formulas
 
 from rtamt import EpisodeMonitor, Formula, Monitor, VectorEpisodeMonitor, VectorMonitor
 from rtamt.inputs.batch import BatchReader
@@ -93,7 +93,7 @@ def masks(draw: st.DrawFn, num: int) -> Masks:
 
 @st.composite
 def tables(
-    draw: st.DrawFn, num: int, width: int, values: tuple[float, ...] = QUARTERS
+    draw: st.DrawFn, num: int, width: int, values: tuple[float, ...] = QUARTERS + INTEGERS
 ) -> NDArray[np.float64]:
     """A sample for each entry."""
     drawn = draw(st.binary(min_size=num * width, max_size=num * width))
@@ -105,8 +105,9 @@ def spoilt(rows: NDArray[np.float64], mask: Masks) -> NDArray[np.float64]:
     return rows if mask is None else np.where(mask[:, None], rows, NAN)
 
 
-def same(found: object, expected: object) -> bool:
-    return np.array_equal(np.asarray(found), np.asarray(expected), equal_nan=True)
+def same(found: ArrayLike, expected: ArrayLike) -> bool:
+    """Whether arrays are the same bit for bit."""
+    return bits(np.asarray(found, float)) == bits(np.asarray(expected, float))
 
 
 # Vector equals list of singles. ------------------------------------------------------------------
