@@ -10,8 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
-from typing import Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
@@ -20,6 +19,9 @@ from rtamt.program.implications import implications
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
 from rtamt.renamed import OldName
+
+if TYPE_CHECKING:
+    from rtamt.monitors.traces import JudgedTrace
 
 _A = TypeVar("_A")
 
@@ -162,71 +164,41 @@ class Unrecorded:
         return f"{time:.12g} s" if self.unit == "s" else f"sample {time:.12g}"
 
 
-class TraceClock(NamedTuple):
-    """The times of the places of a trace, ``step`` of which are an instant ``tick`` after the last.
-
-    Place 0 is the instant ``start``. Without a tick, times are numbers of samples. In dense time
-    the place 2t + 1 is the open interval after tick t.
-    """
-
-    tick: Fraction | None
-    start: int = 0
-    step: int = 1
-
-    @property
-    def unit(self) -> str:
-        """The unit of times."""
-        return "samples" if self.tick is None else "s"
-
-    def time(self, place: int) -> float:
-        """Return the time of a place, as a whole number if it is one."""
-        time = (self.start + place // self.step) * (1 if self.tick is None else self.tick)
-        return int(time) if time.denominator == 1 else float(time)
-
-    def end(self, place: int) -> float:
-        """Return the time at which a place ends."""
-        return self.time(place + self.step - 1)
-
-
-@dataclass(frozen=True)
-class TraceRegisters:
+class TraceRegisters(NamedTuple):
     """The registers of a program over a trace that goes on.
 
-    ``beyond`` is the first place after the recorded time. ``undecided`` returns the places at which
-    a register may have either sign. ``reach`` returns the formula of a window, and its first and
-    last place relative to its own; None without a last place.
+    ``undecided`` returns the places at which a register may have either sign. ``reach`` returns the
+    formula of a window, and its first and last place relative to its own; None without a last one.
     """
 
     program: Program
-    clock: TraceClock
-    last: int
-    beyond: int
-    cut: bool
     undecided: Callable[[int], PlaceRuns]
     reach: Callable[[int], tuple[Node, int, int | None]]
 
 
-def unrecorded_of(registers: TraceRegisters) -> tuple[Unrecorded, ...]:
+def unrecorded_of(trace: JudgedTrace) -> tuple[Unrecorded, ...]:
     """Return the outermost formulas with an unrecorded interval that matters.
 
     The search goes from the root to operands, at the first time at which they are undecided.
     """
-    clock = registers.clock
+    intervals = _search(trace, trace.registers())
+    ends = trace.step - 1  # from the start of the last place of an instant to its end
     return tuple(
         Unrecorded(
-            *(str(node), clock.time(sample), clock.time(begin)),
-            *(None if end is None else clock.end(end), clock.unit),
+            *(str(node), trace.seconds(place), trace.seconds(begin)),
+            *(None if end is None else trace.seconds(end + ends), trace.unit),
         )
-        for (node, sample), (begin, end) in sorted(
-            _search(registers).items(), key=lambda row: row[0][1]
-        )
+        for (node, place), (begin, end) in sorted(intervals.items(), key=lambda row: row[0][1])
     )
 
 
-def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int | None]]:
+def _search(
+    trace: JudgedTrace, registers: TraceRegisters
+) -> dict[tuple[Node, int], tuple[int, int | None]]:
     """Return for each formula and place the unrecorded interval that it needs."""
-    program, last = registers.program, registers.last
+    program, last = registers.program, trace.last
     undecided = functools.cache(registers.undecided)
+    beyond = last + 1 if trace.step == 1 else last  # a tick ends where the trace does
     intervals: dict[tuple[Node, int], tuple[int, int | None]] = {}
     stack, seen = [(program.result, 0)], set[tuple[int, int]]()
     while stack:
@@ -243,7 +215,7 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
         elif isinstance(instruction, Window):
             begin = 0 if instruction.lo is None else max(0, sample + instruction.lo)
             end = None if instruction.hi is None else sample + instruction.hi
-            missing = _lacks(registers, instruction, sample)
+            missing = _lacks(instruction, sample, last, cut=trace.end == "cut")
             for operand in instruction.args:
                 places = undecided(operand)
                 first = places.first_between(begin, last if end is None else min(end, last))
@@ -252,30 +224,22 @@ def _search(registers: TraceRegisters) -> dict[tuple[Node, int], tuple[int, int 
                 if not missing and end is not None:
                     missing = places.first_between(max(begin, last + 1), end) is not None
             if missing:
-                _note(intervals, registers, register, sample)
+                node, lo, hi = registers.reach(register)
+                interval = max(beyond, sample + lo), None if hi is None else sample + hi
+                known = intervals.get((node, sample), interval)
+                intervals[node, sample] = _joined(known, interval)
     return intervals
 
 
-def _lacks(registers: TraceRegisters, window: Window, at: int) -> bool:
+def _lacks(window: Window, at: int, last: int, *, cut: bool) -> bool:
     """Return whether a window at a place ends after the trace, for any operands."""
-    if registers.cut:
+    if cut:
         unbounded = window.endless or window.hi is None
-        return unbounded and at + window.begin > registers.last
+        return unbounded and at + window.begin > last
     # A sample after the trace may not exist, except at the window's own time.
-    return window.hi is None or (window.hi > 0 and at + window.hi > registers.last)
+    return window.hi is None or (window.hi > 0 and at + window.hi > last)
 
 
-def _note(
-    intervals: dict[tuple[Node, int], tuple[int, int | None]],
-    registers: TraceRegisters,
-    register: int,
-    at: int,
-) -> None:
-    """Add the interval after the trace that a window needs."""
-    node, lo, hi = registers.reach(register)
-    begin, end = max(registers.beyond, at + lo), None if hi is None else at + hi
-    if (node, at) in intervals:
-        before = intervals[node, at]
-        begin = min(begin, before[0])
-        end = None if end is None or before[1] is None else max(end, before[1])
-    intervals[node, at] = begin, end
+def _joined(one: tuple[int, int | None], other: tuple[int, int | None]) -> tuple[int, int | None]:
+    end = None if one[1] is None or other[1] is None else max(one[1], other[1])
+    return min(one[0], other[0]), end

@@ -1,8 +1,8 @@
 """The functions that explain a robustness, over samples and over dense time.
 
 A robustness is computed from the values of predicates by minimum, maximum and a change of sign, so
-it *is* the value of one predicate, or its opposite. `FormulaSignals` follows it from the root down;
-the module `origins` finds the operand and the place from which a formula has its value.
+it *is* the value of one predicate, or its opposite. The module `origins` follows it from the root
+down, by the operand and the place from which each formula has its value.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from numbers import Real
-from typing import Any, NamedTuple, SupportsIndex, Unpack, cast
+from typing import Any, NamedTuple, SupportsIndex, Unpack
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
 from rtamt.inputs.samples import SampleReader, TraceColumns
 from rtamt.language.formula import Formula
-from rtamt.language.node import Node, node_text
-from rtamt.language.operators import Bounds, Operator
+from rtamt.language.node import Node
+from rtamt.language.operators import Bounds
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS, Factories
@@ -46,7 +46,6 @@ from rtamt.monitors.explanation import (
     DenseExplanationStep,
     Explanation,
     ExplanationStep,
-    ShareRole,
 )
 from rtamt.monitors.options import (
     Options,
@@ -57,19 +56,15 @@ from rtamt.monitors.options import (
     listed_in_signature,
 )
 from rtamt.monitors.origins import (
-    FIRST_BEST,
-    Origin,
-    Part,
+    BoundSignal,
+    FormulaSignals,
+    NoSingleCause,
     RobustnessSignal,
-    flat,
-    holds_by_sign,
-    origin_of,
+    Share,
 )
 from rtamt.monitors.traces import SampleTrace
 from rtamt.program.dense_lowering import MAX_TICKS, RegionProgram, compile_regions
-from rtamt.program.implications import operand_signs
 from rtamt.program.instructions import Const, Map, operands
-from rtamt.program.interface import Interface, PredicateValue
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, alignment
 
@@ -78,13 +73,6 @@ UNSEEN = (-math.inf, math.inf)
 
 _MAX_AHEAD = 1 << 20
 """Samples after a trace for which bounds are computed."""
-
-BoundSignal = Callable[[Node, bool], RobustnessSignal]
-"""Returns the lower or, with True, the upper bound of a formula."""
-
-
-class NoSingleCause(Exception):  # noqa: N818 - no error for users
-    """A bound that is not the value of one predicate on the trace."""
 
 
 class DecidingBound(NamedTuple):
@@ -139,185 +127,6 @@ def sample_signals(
         return RobustnessSignal(numbers_of(np.concatenate([recorded, rest])))
 
     return lambda formula, best: both(formula)[best]
-
-
-class OriginStep(NamedTuple):
-    """A formula at a place on the path to the cause; its value is the upper bound if ``best``."""
-
-    formula: Formula
-    name: str | None
-    text: str
-    place: int
-    origin: Origin
-    reading: PredicateValue
-    best: bool
-
-
-class Share(NamedTuple):
-    """A formula whose sign from a first to a last place contributes to a violation."""
-
-    formula: Formula
-    role: ShareRole
-    first: int
-    last: int
-    best: bool
-    outside: tuple[int | None, int | None] | None = None
-
-
-class FormulaSignals:
-    """The robustness of all formulas on a trace, and where it comes from.
-
-    ``signal`` returns a bound of a formula over the trace and ``ahead`` places after it: the upper
-    one if its second argument is true, as ``best`` states for the specification. On a complete
-    trace both bounds are the robustness.
-    """
-
-    def __init__(
-        self,
-        specification: Specification,
-        interface: Interface,
-        signal: BoundSignal,
-        bounds: Callable[[Formula], Bounds],
-        last: int,
-        *,
-        dense: bool = False,
-        best: bool = False,
-        ahead: int = 0,
-    ) -> None:
-        self._specification, self._interface = specification, interface
-        self.signal, self._bounds = signal, bounds
-        self._last, self._dense = last, dense
-        self._best, self._ahead = best, ahead
-
-    def named(self, formula: Formula) -> tuple[str | None, str]:
-        """Return the name of a formula, or None, and its text with the names of formulas in it."""
-        names: dict[Node, str] = {}
-        for name, node in self._specification.formulas.items():
-            names.setdefault(node, name)
-        name_of_formula = names.pop(formula, None)
-        return name_of_formula, node_text(formula, names)
-
-    def path(self, place: int) -> list[OriginStep]:
-        """Return the formulas from the specification at a place down to the deciding formula."""
-        formula, path, best = self._specification.formula, list[OriginStep](), self._best
-        while True:
-            row = cast("Operator", formula.op)
-            origin = Origin()
-            if row.operands == "formula":
-                origin = self._origin(formula, place, best=best)
-            reading = "value" if row.holds is None else self._interface.reading(formula)
-            path.append(OriginStep(formula, *self.named(formula), place, origin, reading, best))
-            if origin.operand is None:
-                return path
-            best = self._best_of(formula, origin.operand, best=best)
-            formula, place = cast("Formula", formula.args[origin.operand]), origin.place
-
-    def rests_on_trace(self, path: Sequence[OriginStep]) -> bool:
-        """Return whether a path follows one value of a bound down to a place of the trace."""
-        values = [abs(self.signal(step.formula, step.best).at(step.place)) for step in path]
-        last = path[-1]
-        if last.origin.outside is not None:
-            final = last.origin.outside[1]
-            empty = final is not None and final <= self._last  # a window of the past
-            return empty and all(value == math.inf for value in values)
-        return last.place <= self._last and all(value == values[0] for value in values)
-
-    def _best_of(self, formula: Formula, operand: int, *, best: bool) -> bool:
-        """Return which bound of an operand a bound of a formula reads; see `_origin` for both."""
-        return best == self._signs(formula).get(operand, True)
-
-    def _signs(self, formula: Formula) -> Mapping[int, bool]:
-        timed = formula.op is not None and formula.op.timed
-        return operand_signs(formula, self._bounds(formula)) if timed else operand_signs(formula)
-
-    def _origin(
-        self, formula: Formula, place: int, *, best: bool, earliest: bool = False
-    ) -> Origin:
-        row = cast("Operator", formula.op)
-        bounds = self._bounds(formula) if row.timed else None
-        operands = [
-            self.signal(arg, self._best_of(formula, i, best=best))
-            for i, arg in enumerate(formula.args)
-        ]
-        if self._ahead:
-            self._check_both(formula, place)
-        # Future operators without an end read the recorded time.
-        endless = row.future and bounds is not None and bounds[1] is None
-        last = self._last if endless else self._last + self._ahead
-        return origin_of(
-            *(row, bounds, operands, last, place), dense=self._dense, earliest=earliest
-        )
-
-    def _check_both(self, formula: Formula, place: int) -> None:
-        """Raise NoSingleCause if operands of both directions, as in ``iff``, have two bounds."""
-        row = cast("Operator", formula.op)
-        before = max(0, place - 1) if row.sampled else place
-        for i, arg in enumerate(formula.args):
-            if i in self._signs(formula):
-                continue
-            low, high = self.signal(arg, False), self.signal(arg, True)  # noqa: FBT003 - bounds
-            if any(low.at(p) != high.at(p) for p in (before, place)):
-                raise NoSingleCause
-
-    def nearest(self, share: Share) -> tuple[int, float]:
-        """Return where a formula comes nearest to the other sign, and its value there."""
-        signal = self.signal(share.formula, share.best)
-        places, values = signal.within(share.first, share.last)
-        k = FIRST_BEST["min" if share.role == "held" else "max"](values)
-        return int(places[k]), float(values[k])
-
-    def shares(self, path: Sequence[OriginStep]) -> Iterator[Share]:
-        """Yield the formulas that contribute to a violation in addition to the path.
-
-        A path goes through one operand at one place: the request of a response, and not the grant.
-        The violation stays as long as these formulas and the last formula of the path keep their
-        signs.
-        """
-        if holds_by_sign(self.signal(path[0].formula, path[0].best).at(path[0].place)):
-            return
-        seen = {(path[-1].formula, path[-1].place, path[-1].place)}
-        for step in path:
-            stack = [(step.formula, part, step.best) for part in self._others(step)]
-            stack.reverse()
-            while stack:
-                parent, part, best = stack.pop()
-                formula = cast("Formula", parent.args[part.operand])
-                best = self._best_of(parent, part.operand, best=best)
-                key = formula, part.first, part.last
-                if key in seen or not formula.variables:
-                    continue
-                seen.add(key)
-                row = cast("Operator", formula.op)
-                outside = None
-                if part.first == part.last and row.operands == "formula":
-                    origin = self._origin(formula, part.first, best=best, earliest=True)
-                    below = [*flat(origin.parts)]
-                    if below:
-                        if part.broken and not row.timed:
-                            below = [replace(item, broken=True) for item in below]
-                        stack += [(formula, item, best) for item in reversed(below)]
-                        continue
-                    outside = origin.outside
-                role: ShareRole = "broken" if part.broken else "missing"
-                if holds_by_sign(self.signal(formula, best).at(part.first)):
-                    role = "held"
-                yield Share(formula, role, part.first, part.last, best, outside)
-
-    def _others(self, step: OriginStep) -> Sequence[Part]:
-        """Return the parts of a sign on the path, without the part that the path goes through."""
-        origin = step.origin
-        if origin.operand is None:
-            return ()
-        # Parts with the earliest places are few; use them if the path goes through one.
-        earliest = self._origin(step.formula, step.place, best=step.best, earliest=True)
-        parts = [*flat(earliest.parts)]
-        if not any(
-            part.operand == origin.operand and part.first <= origin.place <= part.last
-            for part in parts
-        ):
-            parts = [*flat(origin.parts)]
-        through = origin.operand, origin.place, origin.place
-        return [part for part in parts if (part.operand, part.first, part.last) != through]
 
 
 @listed_in_signature(SampleOptions)

@@ -89,14 +89,14 @@ def _rows(
 class _Details:
     """The evidence of a verdict, computed when it is first read; a pickle has all parts."""
 
-    def __init__(self, trace: JudgedTrace, verdict: Verdict, end: End) -> None:
-        self._trace, self._verdict, self._end = trace, verdict, end
+    def __init__(self, trace: JudgedTrace, verdict: Verdict) -> None:
+        self._trace, self._verdict = trace, verdict
 
     @functools.cached_property
     def unrecorded(self) -> tuple[Unrecorded, ...]:
-        if self._end == "complete" or self._verdict is not Verdict.UNDECIDED:
+        if self._trace.end == "complete" or self._verdict is not Verdict.UNDECIDED:
             return ()
-        return unrecorded_of(self._trace.registers())
+        return unrecorded_of(self._trace)
 
     @functools.cached_property
     def decided_at(self) -> float | None:
@@ -154,7 +154,6 @@ class Judgement:
     @staticmethod
     def of(
         trace: JudgedTrace,
-        end: End,
         bounds: tuple[float, float, float],
         complete: tuple[float, float],
         unknown: tuple[str, ...],
@@ -162,13 +161,8 @@ class Judgement:
         """Return the judgement of a trace from its bounds and the bounds of the complete trace."""
         verdict = Verdict(verdict_of(*bounds[1:]))
         return Judgement(
-            *bounds,
-            verdict,
-            end,
-            text_of(trace.formula),
-            Verdict(verdict_of(*complete)),
-            unknown,
-            _Details(trace, verdict, end),
+            *(*bounds, verdict, trace.end, text_of(trace.formula)),
+            *(Verdict(verdict_of(*complete)), unknown, _Details(trace, verdict)),
         )
 
     @property
@@ -334,7 +328,7 @@ def judge_compiled(program: Compiled, mode: End, signals: TraceColumns, n: int |
         unknown = [name for name, low, high in pairs if not identical(low, high)]
     trace = SampleTrace(program, mode, (least, greatest), length)
     bounds, complete = trace.judge()
-    return Judgement.of(trace, mode, bounds, complete, tuple(unknown))
+    return Judgement.of(trace, bounds, complete, tuple(unknown))
 
 
 @listed_in_signature(EventOptions)
@@ -406,7 +400,7 @@ def judge_dense(
     mode = checked_end(end)
     parts = compiled_regions(judge_dense, spec, resolution, options)
     trace = DenseTrace(parts, mode, signals, until)
-    return Judgement.of(trace, mode, trace.values, trace.complete, trace.unknown())
+    return Judgement.of(trace, trace.values, trace.complete, trace.unknown())
 
 
 _NOTHING: Evidence[Any] = Evidence((), vacuous=False, never_triggered=False)

@@ -354,7 +354,7 @@ class _Clock:
     def __init__(self, trace: JudgedTrace) -> None:
         self.step, self._last = trace.step, trace.last
         self._tick, self._times = trace.tick, trace.times
-        self.unit = "samples" if self._tick is None else "s"
+        self.unit = trace.unit
 
     def lasting(self, count: PlaceNumbers) -> NDArray[Any]:
         """Return the duration of numbers of samples or ticks."""

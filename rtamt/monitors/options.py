@@ -127,13 +127,6 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
 """Every option once, for signatures, defaults and docstrings."""
 
 
-def _defaults(options: type) -> Any:  # noqa: ANN401 - one of three typed dictionaries
-    return {name: OPTIONS[name].default for name in options.__annotations__}
-
-
-_DEFAULTS: Final[Options] = _defaults(Options)
-_SAMPLE_DEFAULTS: Final[SampleOptions] = _defaults(SampleOptions)
-_EVENT_DEFAULTS: Final[EventOptions] = _defaults(EventOptions)
 _ENDS: Final[tuple[End, ...]] = get_args(End)
 
 
@@ -175,6 +168,7 @@ def _with_result(
 
 _F = TypeVar("_F", bound=Callable[..., object])
 _C = TypeVar("_C", bound=type)
+_O = TypeVar("_O", bound=Options)
 _SEE: Final = " See `OPTIONS`.\n"
 
 
@@ -190,9 +184,7 @@ def compiled(
 
     An error names the caller. ``online`` refuses future operators without an end.
     """
-    settings: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
-    if len(settings) > len(_SAMPLE_DEFAULTS):
-        raise _unknown(caller, settings, _SAMPLE_DEFAULTS)
+    settings = _settings(caller, options, SampleOptions)
     specification, interface, backend = _understood(spec, settings)
     seconds = as_period(period)
     align = as_align(settings["align"])
@@ -211,12 +203,10 @@ def compiled_dense(
     online: bool,
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
     """Compile the specification of a monitor or an evaluation of events; see `compiled`."""
-    settings: Options = {**_DEFAULTS, **options}
-    if len(settings) > len(_DEFAULTS):
-        for name in ("nan", "max_gap"):
-            if name in settings:
-                raise InputError(f"{name}= is for unknown values; {NO_DENSE_BOUNDS}")
-        raise _unknown(caller, settings, _DEFAULTS)
+    for name in ("nan", "max_gap"):
+        if name in options:
+            raise InputError(f"{name}= is for unknown values; {NO_DENSE_BOUNDS}")
+    settings = _settings(caller, options, Options)
     specification, interface, backend = _understood(spec, settings)
     program = compile_dense(
         specification, as_resolution(resolution), interface=interface, online=online
@@ -262,9 +252,7 @@ def compiled_regions(
     caller: Callable[..., object], spec: Spec, resolution: Period, options: EventOptions
 ) -> CompiledEvents:
     """Compile the specification of a judgement or a monitor of events with bounds."""
-    settings: EventOptions = {**_EVENT_DEFAULTS, **options}
-    if len(settings) > len(_EVENT_DEFAULTS):
-        raise _unknown(caller, settings, _EVENT_DEFAULTS)
+    settings = _settings(caller, options, EventOptions)
     specification, interface, backend = _understood(spec, settings)
     program = compile_regions(specification, as_resolution(resolution), interface=interface)
     max_gap, nan = as_period(settings["max_gap"], "max_gap"), checked_nan(settings["nan"])
@@ -331,11 +319,15 @@ def _understood(spec: Spec, options: Options) -> tuple[Specification, Interface,
     return specification, interface, choose(options["backend"])
 
 
-def _unknown(caller: Callable[..., object], settings: Options, known: Options) -> TypeError:
-    unknown = next(name for name in settings if name not in known)
+def _settings(caller: Callable[..., object], options: _O, kind: type[_O]) -> _O:
+    """Return options with the defaults of their kind; raise TypeError on an unknown one."""
+    settings: Any = {name: OPTIONS[name].default for name in kind.__annotations__} | {**options}
+    unknown = next((name for name in settings if name not in kind.__annotations__), None)
+    if unknown is None:
+        return cast("_O", settings)
     names = inspect.signature(caller).parameters
     hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
-    return TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")
+    raise TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")
 
 
 def check_interpolation(interpolation: str) -> None:

@@ -29,7 +29,6 @@ from rtamt.machines.state import moved, verdict_of
 from rtamt.machines.walk import Keys, number_of
 from rtamt.monitors.evidence import (
     DenseTriggerCount,
-    TraceClock,
     TraceRegisters,
     TriggerCount,
 )
@@ -70,6 +69,10 @@ class _Trace(Generic[_C]):
     """
 
     step: ClassVar[int]
+    start = 0
+    """The instant of place 0."""
+    tick: Fraction | None
+    """Seconds from one instant to the next; None if times are numbers of samples."""
 
     def __init__(self, compiled: _C, end: End) -> None:
         self._compiled, self.end = compiled, end
@@ -85,6 +88,16 @@ class _Trace(Generic[_C]):
     def extent(self) -> TraceSpan:
         """The places of the trace."""
         return TraceSpan(self.last, self.end == "complete", self.end == "cut", dense=self.step > 1)
+
+    @property
+    def unit(self) -> str:
+        """The unit of durations."""
+        return "samples" if self.tick is None else "s"
+
+    def seconds(self, place: int) -> float:
+        """Return the time of a place, as a whole number if it is one."""
+        time = (self.start + place // self.step) * (1 if self.tick is None else self.tick)
+        return int(time) if time.denominator == 1 else float(time)
 
     def reads(self) -> Mapping[Formula, Reads]:
         """Return where the formula reads its implications."""
@@ -119,6 +132,7 @@ class SampleTrace(_Trace[Compiled]):
         by_columns: bool = False,
     ) -> None:
         super().__init__(compiled, end)
+        self.tick = compiled.period
         self._columns, self._n, self._by_columns = columns, n, by_columns
         self._by_machine = False  # the machine has judged the trace
 
@@ -152,11 +166,6 @@ class SampleTrace(_Trace[Compiled]):
     @property
     def _program(self) -> Program:
         return self._compiled.program
-
-    @property
-    def tick(self) -> Fraction | None:
-        """The period in seconds; None: times are numbers of samples."""
-        return self._compiled.period
 
     def times(self, samples: PlaceNumbers) -> NDArray[Any]:
         """Return the times of samples."""
@@ -247,9 +256,7 @@ class SampleTrace(_Trace[Compiled]):
                 hi = None if isinstance(instruction, Window) and instruction.hi is None else hi
             return node, window.lo or 0, hi
 
-        clock = TraceClock(self.tick)
-        n, program = bounds.n, bounds.split.formulas
-        return TraceRegisters(program, clock, n - 1, n, end == "cut", undecided, reach)
+        return TraceRegisters(bounds.split.formulas, undecided, reach)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula; by standard semantics for left sides."""
@@ -412,6 +419,7 @@ class DenseTrace(_Trace[CompiledEvents]):
         until: Until | None = None,
     ) -> None:
         super().__init__(compiled, end)
+        self.tick = compiled.program.resolution
         self._regions, self._reader = compiled.program, compiled.reader()
         self._machines = BACKENDS[compiled.backend]
         self._events = self._reader.whole(signals)
@@ -424,6 +432,7 @@ class DenseTrace(_Trace[CompiledEvents]):
         machine.finish(end)
         self.values = machine.robustness, machine.lower, machine.upper
         self._span = machine.span
+        self.start = self._span[0]
 
     @property
     def last(self) -> int:
@@ -446,11 +455,6 @@ class DenseTrace(_Trace[CompiledEvents]):
         """Return a text about the variable that ends the trace before the others, or empty."""
         return self._reader.early_end(self._events)
 
-    @property
-    def tick(self) -> Fraction:
-        """The length of a tick in seconds."""
-        return self._regions.resolution
-
     def opposite(self, left: Formula) -> DenseSigns:
         """Return the signs of the negation of a left side, by standard semantics."""
         regions, reader = self._part(~left, STANDARD)
@@ -468,7 +472,7 @@ class DenseTrace(_Trace[CompiledEvents]):
     def triggers(self, text: str, counted: Counted, *, vacuous: bool) -> DenseTriggerCount:
         """Return how often an implication was triggered, in seconds."""
         ticks, occasions, position = counted
-        seconds, ticks_in = self.tick.as_integer_ratio()
+        seconds, ticks_in = self._regions.resolution.as_integer_ratio()
         first = None
         if position is not None:
             dated = are_dates(self._events[0].times)  # dates do not mix with numbers
@@ -477,11 +481,10 @@ class DenseTrace(_Trace[CompiledEvents]):
 
     def registers(self) -> TraceRegisters:
         """Return the registers of the formula, for an end that is not complete."""
-        reader, last, begin = self._reader, self.last, self._span[0]
+        reader = self._reader
         values = values_between(reader.counted(self._events), self._span)
         rows = rows_of(self._regions.program, values, reader, self._machines.term_ranges)
-        cut = self.end == "cut"
-        outlook = DenseOutlook(self._regions.program, rows, last, self.end)
+        outlook = DenseOutlook(self._regions.program, rows, self.last, self.end)
         program = outlook.program
 
         def reach(register: int) -> tuple[Node, int, int | None]:
@@ -489,8 +492,7 @@ class DenseTrace(_Trace[CompiledEvents]):
             hi = None if window.endless else window.hi
             return program.sources[register], window.lo or 0, hi
 
-        clock = TraceClock(self.tick, begin, step=2)
-        return TraceRegisters(program, clock, last, last, cut, outlook.undecided, reach)
+        return TraceRegisters(program, outlook.undecided, reach)
 
     def segments(self, formula: Formula, *, standard: bool = False) -> Segments:
         """Return the values of a part of the formula, for left sides by standard semantics."""
