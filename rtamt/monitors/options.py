@@ -127,6 +127,10 @@ OPTIONS: Final[Mapping[str, MonitorOption]] = {
 """Every option once, for signatures, defaults and docstrings."""
 
 
+_DEFAULTS: Final[Mapping[object, Mapping[str, object]]] = {
+    kind: {name: OPTIONS[name].default for name in kind.__annotations__}
+    for kind in (Options, SampleOptions, EventOptions)
+}
 _ENDS: Final[tuple[End, ...]] = get_args(End)
 
 
@@ -321,10 +325,11 @@ def _understood(spec: Spec, options: Options) -> tuple[Specification, Interface,
 
 def _settings(caller: Callable[..., object], options: _O, kind: type[_O]) -> _O:
     """Return options with the defaults of their kind; raise TypeError on an unknown one."""
-    settings: Any = {name: OPTIONS[name].default for name in kind.__annotations__} | {**options}
-    unknown = next((name for name in settings if name not in kind.__annotations__), None)
-    if unknown is None:
+    defaults = _DEFAULTS[kind]
+    settings = {**defaults, **options}
+    if len(settings) == len(defaults):
         return cast("_O", settings)
+    unknown = next(name for name in settings if name not in defaults)
     names = inspect.signature(caller).parameters
     hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
     raise TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")

@@ -545,8 +545,7 @@ class DenseTrace(_Trace[CompiledEvents]):
     def _part(
         self, formula: Formula, interface: Interface | None = None
     ) -> tuple[RegionProgram, EventReader]:
-        regions = self._compiled.part(formula, interface)
-        return regions, self._reader.of(regions).with_clock(self._machines.clock(regions))
+        return _part(self._compiled, formula, interface, self._reader.unknown)
 
     def _events_of(self, regions: RegionProgram) -> list[Given]:
         """Return the events of the variables of another program."""
@@ -555,6 +554,19 @@ class DenseTrace(_Trace[CompiledEvents]):
 
 
 JudgedTrace = SampleTrace | DenseTrace
+
+
+@functools.lru_cache(maxsize=512)  # many traces have the same parts
+def _part(
+    compiled: CompiledEvents,
+    formula: Formula,
+    interface: Interface | None,
+    unknown: bool,  # noqa: FBT001 - a key of the cache
+) -> tuple[RegionProgram, EventReader]:
+    regions = compiled.part(formula, interface)
+    reader = compiled._replace(program=regions).reader()
+    reader.unknown = unknown
+    return regions, reader.with_clock(BACKENDS[compiled.backend].clock(regions))
 
 
 @functools.lru_cache(maxsize=512)
