@@ -224,15 +224,6 @@ def test_the_verdict_comes_at_the_first_sample_that_decides_it(
     assert found == verdicts
 
 
-def test_eventually_is_violated_after_its_last_sample_and_not_before(backend: Backend) -> None:
-    monitor = EpisodeMonitor("eventually[0:100](x > 0)", backend=backend)
-    for _ in range(100):
-        monitor.update(x=-1.0)
-    assert monitor.verdict is U
-    monitor.update(x=-1.0)
-    assert monitor.verdict is V
-
-
 def test_an_empty_cut_window_leaves_robustness_inside_the_bounds(backend: Backend) -> None:
     monitor = EpisodeMonitor("eventually[2:3](x > 0) or x > 5", backend=backend)
     monitor.update(x=7.0)
