@@ -123,6 +123,41 @@ def atom_value(atom: Atom, load: Callable[[str, int], float]) -> bool | None:
     return x >= y if atom[0] == "at_least" else x == y
 
 
+class KnownTrace:
+    """A trace that gives each truth of a graph a value: true, false or unknown.
+
+    ``load`` returns the value of a variable at a sample.
+    """
+
+    def __init__(self, graph: Graph, load: Callable[[str, int], float]) -> None:
+        self._graph, self._load = graph, load
+        self._known: dict[int, bool | None] = {0: False}
+
+    def fulfils(self, truths: Iterable[Truth]) -> bool:
+        """Return whether all truths are certainly true on the trace."""
+        return all(self._at(truth) is True for truth in truths)
+
+    def _at(self, truth: Truth) -> bool | None:
+        if truth >> 1 not in self._known:
+            self._evaluate(truth >> 1)
+        known = self._known[truth >> 1]
+        return known if known is None or not truth & 1 else not known
+
+    def _evaluate(self, node: int) -> None:
+        stack = [node]  # depth first, without recursion
+        while stack:
+            atom, parts = self._graph.atom_at(stack[-1]), self._graph.parts(stack[-1])
+            missing = [part >> 1 for part in parts if part >> 1 not in self._known]
+            if missing:
+                stack += missing
+            elif atom is not None:
+                self._known[stack.pop()] = atom_value(atom, self._load)
+            else:
+                values = [self._at(part) for part in parts]
+                known = False if False in values else None if None in values else True
+                self._known[stack.pop()] = known
+
+
 def function_of(name: str) -> Callable[..., float | Fraction]:
     """Return the function of a term on doubles; ``"minus"`` is a difference without rounding."""
     return _minus if name == "minus" else FUNCTIONS[name].apply

@@ -26,8 +26,8 @@ from rtamt.checking.graph import (
     FALSE,
     TRUE,
     Graph,
+    KnownTrace,
     Truth,
-    atom_value,
     known_samples,
     unknown_samples,
 )
@@ -455,52 +455,8 @@ def _judged(trace: ExampleTrace, program: Program, period: Fraction | None, end:
     return judge(program.specification, columns, period, end, n=n)
 
 
-class KnownTrace:
-    """A trace that gives each truth of a graph a value: true, false or unknown.
-
-    ``other`` returns the value of a variable that the trace does not have.
-    """
-
-    def __init__(
-        self,
-        graph: Graph,
-        columns: Mapping[str, Sequence[float]],
-        other: Callable[[str], float],
-    ) -> None:
-        self._graph, self._columns, self._other = graph, columns, other
-        self._known: dict[int, bool | None] = {0: False}
-
-    def fulfils(self, truths: Sequence[Truth]) -> bool:
-        """Return whether all truths are certainly true on the trace."""
-        return all(self._at(truth) is True for truth in truths)
-
-    def _at(self, truth: Truth) -> bool | None:
-        if truth >> 1 not in self._known:
-            self._evaluate(truth >> 1)
-        known = self._known[truth >> 1]
-        return known if known is None or not truth & 1 else not known
-
-    def _evaluate(self, node: int) -> None:
-        stack = [node]  # depth first, without recursion
-        while stack:
-            atom, parts = self._graph.atom_at(stack[-1]), self._graph.parts(stack[-1])
-            missing = [part >> 1 for part in parts if part >> 1 not in self._known]
-            if missing:
-                stack += missing
-            elif atom is not None:
-                self._known[stack.pop()] = atom_value(atom, self._load)
-            else:
-                values = [self._at(part) for part in parts]
-                known = False if False in values else None if None in values else True
-                self._known[stack.pop()] = known
-
-    def _load(self, name: str, sample: int) -> float:
-        column = self._columns.get(name)
-        return self._other(name) if column is None else column[sample]
-
-
 class TracePool:
-    """The newest finite traces of a search."""
+    """The newest finite traces of a search; ``other`` returns the value of other variables."""
 
     def __init__(self, graph: Graph, other: Callable[[str], float]) -> None:
         self._graph, self._other = graph, other
@@ -509,10 +465,15 @@ class TracePool:
     def add(self, columns: Mapping[str, tuple[float, ...]]) -> None:
         """Store a trace."""
         key = tuple(columns.items())
-        if columns and key not in self._traces:
-            self._traces[key] = KnownTrace(self._graph, columns, self._other)
-            if len(self._traces) > _MAX_KNOWN:
-                del self._traces[next(iter(self._traces))]
+        if not columns or key in self._traces:
+            return
+
+        def load(name: str, sample: int) -> float:
+            return columns[name][sample] if name in columns else self._other(name)
+
+        self._traces[key] = KnownTrace(self._graph, load)
+        if len(self._traces) > _MAX_KNOWN:
+            del self._traces[next(iter(self._traces))]
 
     def of_length(self, count: int) -> Iterator[tuple[dict[str, tuple[float, ...]], KnownTrace]]:
         """Yield the traces of ``count`` samples, the newest first."""

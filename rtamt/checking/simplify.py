@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from typing import Any, Final, cast
+from typing import Final, cast
 
 from rtamt.checking.answers import ExampleTrace
-from rtamt.checking.graph import Graph, TermKey, Truth, function_of
+from rtamt.checking.graph import Graph, KnownTrace, Truth, subterms, term_value
 from rtamt.checking.search import Goal
 from rtamt.errors import InputError
 from rtamt.language import formula as syntax
@@ -284,55 +284,16 @@ def _rounded(values: Iterable[float]) -> Iterable[float]:
 
 
 class _TruthTest:
-    """A compiled test of truths on columns; ``work`` counts the nodes and terms of all tests."""
+    """A test of truths on columns; ``work`` counts the nodes and terms of all tests."""
 
     def __init__(
         self, graph: Graph, truths: Sequence[Truth], monitors: GoalMonitors | None
     ) -> None:
-        self._monitors, self.work = monitors, 0
-        self._numbers: dict[TermKey, int] = {}
-        self._terms: list[_Step] = []
+        self._graph, self._truths, self._monitors, self.work = graph, truths, monitors, 0
         nodes = graph.reached(truths)
-        self._places = {node: index for index, node in enumerate(nodes)}
-        self._nodes = [self._node_step(graph, node) for node in nodes]
-        self._expected = self._placed(truths)
+        atoms = [atom for node in nodes if (atom := graph.atom_at(node)) is not None]
+        self._terms = {part for atom in atoms for term in atom[1:] for part in subterms(term)}
         self._size = len(nodes) + len(self._terms)
-
-    def _node_step(self, graph: Graph, node: int) -> _Step:
-        """Return the truth of a node as a function of earlier nodes."""
-        atom = graph.atom_at(node)
-        if atom is None:
-            parts = self._placed(graph.parts(node))
-            if not parts:
-                return lambda *_: False
-            return lambda _, known: all(known[position] is holds for position, holds in parts)
-        kind, left, right = atom
-        x, y = self._number(left), self._number(right)
-        if kind == "equal":
-            return lambda values, _: values[x] == values[y]
-        return lambda values, _: values[x] >= values[y]
-
-    def _placed(self, truths: Sequence[Truth]) -> list[tuple[int, bool]]:
-        return [(self._places[truth >> 1], not truth & 1) for truth in truths]
-
-    def _number(self, term: TermKey) -> int:
-        """Return the place of a term among all terms."""
-        if term not in self._numbers:
-            step = self._term_step(term)
-            self._numbers[term] = len(self._terms)
-            self._terms.append(step)
-        return self._numbers[term]
-
-    def _term_step(self, term: TermKey) -> _Step:
-        function, *parts = term
-        if function == "load":
-            name, sample = cast("tuple[str, int]", tuple(parts))
-            return lambda columns, _: columns[name][sample]
-        if function == "const":
-            return lambda *_: parts[0]
-        apply = function_of(cast("str", function))
-        places = [self._number(cast("TermKey", part)) for part in parts]
-        return lambda _, values: apply(*(values[position] for position in places))
 
     def __call__(self, columns: _Columns) -> bool:
         if self._monitors is not None:
@@ -340,17 +301,10 @@ class _TruthTest:
             if not self._monitors(columns):
                 return False
         self.work += self._size
-        values: list[float] = []
-        for term in self._terms:
-            value = term(columns, values)
-            if math.isnan(value):
-                return False
-            values.append(value)
-        known: list[bool] = []
-        for node in self._nodes:
-            known.append(node(values, known))
-        return all(known[position] is holds for position, holds in self._expected)
 
+        def load(name: str, sample: int) -> float:
+            return columns[name][sample]
 
-_Step = Callable[[Any, Any], Any]
-"""The value of a term from columns and earlier terms, or a truth from terms and earlier truths."""
+        return KnownTrace(self._graph, load).fulfils(self._truths) and not any(
+            math.isnan(term_value(term, load)) for term in self._terms
+        )

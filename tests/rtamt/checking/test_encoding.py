@@ -17,13 +17,14 @@ from rtamt.checking.graph import (
     FALSE,
     TRUE,
     Graph,
+    KnownTrace,
     TermKey,
     exact_sides,
     function_of,
     known_samples,
     unknown_samples,
 )
-from rtamt.checking.search import Goal, KnownTrace, TracePool, reaches
+from rtamt.checking.search import Goal, TracePool, reaches
 from rtamt.checking.simplify import Plainness, simplified
 from rtamt.language.specification import Specification
 from rtamt.machines.protocols import End, World, worlds_of
@@ -91,7 +92,7 @@ def test_nan_terms_are_unknown_on_known_traces() -> None:
     program = compile_program(parse("sqrt(x) > 2"))
     goal = truth(graph, unknown_samples(graph), program, 1, World.NOW)
     for value, above, below in ((9.0, True, False), (1.0, False, True), (-1.0, False, False)):
-        known = KnownTrace(graph, {"x": (value,)}, lambda _: 0.0)
+        known = KnownTrace(graph, lambda *_, value=value: value)
         assert known.fulfils([goal]) is above
         assert known.fulfils([graph.no(goal)]) is below
     assert function_of("sqrt")(-1.0) != function_of("sqrt")(-1.0)  # nan
