@@ -10,18 +10,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.machines.segments import PlaceRuns
-from rtamt.program.implications import implications
+from rtamt.program.implications import TraceSpan, implications
 from rtamt.program.instructions import Map, Window
 from rtamt.program.program import Program
 from rtamt.renamed import OldName
-
-if TYPE_CHECKING:
-    from rtamt.monitors.traces import JudgedTrace
 
 _A = TypeVar("_A")
 
@@ -176,29 +173,16 @@ class TraceRegisters(NamedTuple):
     reach: Callable[[int], tuple[Node, int, int | None]]
 
 
-def unrecorded_of(trace: JudgedTrace) -> tuple[Unrecorded, ...]:
-    """Return the outermost formulas with an unrecorded interval that matters.
-
-    The search goes from the root to operands, at the first time at which they are undecided.
-    """
-    intervals = _search(trace, trace.registers())
-    ends = trace.step - 1  # from the start of the last place of an instant to its end
-    return tuple(
-        Unrecorded(
-            *(str(node), trace.seconds(place), trace.seconds(begin)),
-            *(None if end is None else trace.seconds(end + ends), trace.unit),
-        )
-        for (node, place), (begin, end) in sorted(intervals.items(), key=lambda row: row[0][1])
-    )
-
-
-def _search(
-    trace: JudgedTrace, registers: TraceRegisters
+def unrecorded_intervals(
+    registers: TraceRegisters, span: TraceSpan
 ) -> dict[tuple[Node, int], tuple[int, int | None]]:
-    """Return for each formula and place the unrecorded interval that it needs."""
-    program, last = registers.program, trace.last
+    """Return the outermost formulas, their places, and the unrecorded intervals that they need.
+
+    The search goes from the root to operands, at the first place at which they are undecided.
+    """
+    program, last = registers.program, span.last
     undecided = functools.cache(registers.undecided)
-    beyond = last + 1 if trace.step == 1 else last  # a tick ends where the trace does
+    beyond = last if span.dense else last + 1  # the last tick is the end of the trace
     intervals: dict[tuple[Node, int], tuple[int, int | None]] = {}
     stack, seen = [(program.result, 0)], set[tuple[int, int]]()
     while stack:
@@ -215,7 +199,7 @@ def _search(
         elif isinstance(instruction, Window):
             begin = 0 if instruction.lo is None else max(0, sample + instruction.lo)
             end = None if instruction.hi is None else sample + instruction.hi
-            missing = _lacks(instruction, sample, last, cut=trace.end == "cut")
+            missing = _lacks(instruction, sample, last, cut=span.cut)
             for operand in instruction.args:
                 places = undecided(operand)
                 first = places.first_between(begin, last if end is None else min(end, last))

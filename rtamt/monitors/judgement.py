@@ -23,7 +23,7 @@ from rtamt.monitors.evidence import (
     Unrecorded,
     text_of,
     texts_of,
-    unrecorded_of,
+    unrecorded_intervals,
 )
 from rtamt.monitors.options import (
     Compiled,
@@ -96,7 +96,15 @@ class _Details:
     def unrecorded(self) -> tuple[Unrecorded, ...]:
         if self._trace.end == "complete" or self._verdict is not Verdict.UNDECIDED:
             return ()
-        return unrecorded_of(self._trace)
+        trace = self._trace
+        intervals = unrecorded_intervals(trace.registers(), trace.extent)
+        return tuple(
+            Unrecorded(
+                *(str(node), trace.seconds(place), trace.seconds(begin)),
+                *(None if end is None else trace.seconds(end + trace.step - 1), trace.unit),
+            )
+            for (node, place), (begin, end) in sorted(intervals.items(), key=lambda row: row[0][1])
+        )
 
     @functools.cached_property
     def decided_at(self) -> float | None:
