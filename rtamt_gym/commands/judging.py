@@ -418,10 +418,8 @@ def _explained(
 def _judge(
     spec: rtamt.Specification, judged: Judged, reading: EvaluationOptions, *, formulas: bool
 ) -> TraceJudgement:
-    if isinstance(judged.trace, Trace):
-        return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
     assert judged.trace is not None, "it was read"  # noqa: S101 - for mypy
-    return judge.judge_events(spec, judged.trace, reading, formulas=formulas)
+    return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
 
 
 def _outcome(

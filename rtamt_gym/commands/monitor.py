@@ -194,7 +194,7 @@ def _check_files(options: argparse.Namespace, paths: Sequence[str]) -> None:
 
         check_output(options.out)
     if options.violated_episodes:
-        from rtamt_gym.recorded.outcomes_json import data_set_of
+        from rtamt_gym.recorded.output import data_set_of
 
         data_set_of(paths)
     if options.write_mcap and len(paths) == 1:
@@ -261,7 +261,7 @@ def _judge(options: argparse.Namespace, request: TracesAsked, paths: Sequence[st
     word = "satisfied" if options.mutants and matrix.word != "failed" else matrix.word
     code = exit_code([word], warnings)
     if options.json:
-        from rtamt_gym.recorded.outcomes_json import json_parts
+        from rtamt_gym.recorded.output import json_parts
 
         made_of = matrix.with_files([*files_of(options.specs), *recorded_files(paths)])
         columns, least = _columns(request, paths), request.min_duration
@@ -303,7 +303,7 @@ def _list_episodes(
     """Write the violated episodes if the option is set; return a line about it."""
     if not options.violated_episodes:
         return []
-    from rtamt_gym.recorded.outcomes_json import violated_episodes
+    from rtamt_gym.recorded.output import violated_episodes
 
     text, summary = violated_episodes(rows, paths)
     options.violated_episodes.write_text(text, encoding="utf-8")
@@ -320,7 +320,7 @@ def _report(request: TracesAsked, matrix: Matrix, judged: Judged | None) -> Sequ
         return []
     from rtamt_gym.commands.judging import reasons_of
     from rtamt_gym.recorded.judge import extent_of
-    from rtamt_gym.recorded.report import report
+    from rtamt_gym.recorded.output import report
     from rtamt_gym.results.provenance import ids_lines
 
     trace = judged.trace

@@ -64,7 +64,7 @@ def check_arguments(
             if getattr(options, name.strip("-").replace("-", "_")) is not None:
                 raise InputError(f"{name} sets how clips are cut; add --clip FOLDER")
         return
-    from rtamt_gym.recorded.clips import check_clips
+    from rtamt_gym.recorded.occurrences import check_clips
 
     if request.reading.period is not None and not all(map(is_bag, paths)):
         raise InputError("--clip: expected the times of the recording, got --period")
@@ -103,8 +103,8 @@ def write_files(
 def _write_clips(
     options: argparse.Namespace, request: TracesAsked, matrix: Matrix, paths: Sequence[str]
 ) -> str:
-    from rtamt_gym.recorded.clips import clips_of, write_table_clips
     from rtamt_gym.recorded.names import with_columns
+    from rtamt_gym.recorded.occurrences import clips_of, write_table_clips
 
     clips, left_out = clips_of(matrix.rows, _around(options), options.clip_limit or 20)
     options.clip.mkdir(parents=True, exist_ok=True)

@@ -30,13 +30,13 @@ from rtamt_gym.options.command_line import (
 from rtamt_gym.recorded.columns import (
     UNITS,
     Columns,
+    DateOrder,
     Missing,
     SameTime,
     Start,
     read_columns,
     read_seconds,
 )
-from rtamt_gym.recorded.dates import DateOrder
 from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.readers import (
     extensions,

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
+from rtamt_gym.recorded.cells import times_of_texts
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.dates import RawTimes, times_of_texts
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import (
     Floats,
+    RawTimes,
     Recording,
     RowFilter,
     RowNumbers,
@@ -116,8 +117,7 @@ class ArrayRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns."""
-        names = [*wanted.numbers, *wanted.texts, *([] if wanted.time is None else [wanted.time])]
-        names += [*wanted.where, *([] if wanted.part is None else [wanted.part.column])]
+        names = replace(wanted, cells=()).names
         selection = RowFilter(wanted.where, self.names, self.source)
         columns = {name: self._arrays[name] for name in names}
         lengths = {len(column) for column in columns.values()}
@@ -249,10 +249,6 @@ def at_instants(
     instants: NDArray[Any], channels: Mapping[str, tuple[NDArray[Any], NDArray[Any]]]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[np.bool_]]]:
     """Return channels with different times as columns over common instants.
-
-    Args:
-        instants: The times of all channels, which increase, shape (n,).
-        channels: The times and the values of each channel; nan marks a record without a number.
 
     Returns:
         The columns, nan where a channel has no record; and marks of records without a number.

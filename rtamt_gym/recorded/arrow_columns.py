@@ -17,9 +17,9 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from rtamt_gym.recorded.cells import NOT_KNOWN, TRUTH, CellNumbers, TextCells
-from rtamt_gym.recorded.dates import DateOrder, RawTimes, read_dates
-from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.cells import NOT_KNOWN, TRUTH, CellNumbers, TextCells, read_dates
+from rtamt_gym.recorded.columns import DateOrder
+from rtamt_gym.recorded.recording import Floats, RawTimes
 
 _NUMBERS = (
     pa.types.is_integer,
@@ -96,15 +96,7 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
 def split_text(
     path: str, separator: str, width: int, above: int, places: Collection[int]
 ) -> list[TextCells] | None:
-    """Return columns of a file of text as pyarrow splits it; None if it does not.
-
-    Args:
-        path: The file, which may be compressed.
-        separator: The character between cells.
-        width: The number of cells in each row.
-        above: The number of lines above the first row.
-        places: The columns, each by its index in a row.
-    """
+    """Return columns of a file of text as pyarrow splits it; None if it does not."""
     names = list(map(str, range(width)))
     try:
         table = csv.read_csv(

@@ -51,13 +51,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 def open_parquet(
     path: str, columns: Columns, span: tuple[int, int] | None = None
 ) -> Iterator[ArrowRecording]:
-    """Open a Parquet file, or some of its rows.
-
-    Args:
-        path: The file.
-        columns: How its columns are read.
-        span: The first row and the row after the last; None: all rows.
-    """
+    """Open a Parquet file, or some of its rows."""
     Path(path).stat()  # pyarrow's error for a missing file has no strerror
     with refusing(path, "a Parquet file"):
         file = pq.ParquetFile(path)
@@ -95,14 +89,7 @@ def _rows_of(file: pq.ParquetFile, wanted: list[str], span: tuple[int, int]) -> 
 def parquet_batches(
     path: str, columns: Columns, names: Sequence[str], size: int
 ) -> Iterator[tuple[int, Rows]]:
-    """Yield cells of some columns in parts, each with the number of its first row.
-
-    Args:
-        path: The file.
-        columns: How its columns are read.
-        names: The columns.
-        size: The maximum number of rows of a part.
-    """
+    """Yield cells of some columns in parts, each with the number of its first row."""
     with open_parquet(path, columns) as recording, refusing(path, "a whole Parquet file"):
         fields, first = recording.fields_of(names), 0
         with pq.ParquetFile(path) as file:
@@ -164,15 +151,6 @@ class ArrowRecording(Recording):
     """The columns of a table; a field of a structure is a column with a dotted name.
 
     An element of a list of numbers is a column too, as in ``observation.state[0]``.
-
-    Args:
-        fields: The names and the types of the columns.
-        load: Returns the table of some of them.
-        source: Name of the file, for messages.
-        unit: The unit of the times, if the file states it.
-        lengths: The number of elements of columns of lists.
-        decimal: The decimal mark of numbers that are text; None to recognise it.
-        first: The number of the first row in the file, from 0.
     """
 
     def __init__(
@@ -209,12 +187,7 @@ class ArrowRecording(Recording):
         return [*dict.fromkeys(self._places[name][0] for name in names)]
 
     def part(self, table: pa.Table, first: int) -> ArrowRecording:
-        """Return the recording of some rows that were read.
-
-        Args:
-            table: The rows.
-            first: The number of the first of these rows.
-        """
+        """Return the recording of some rows that were read."""
         flat = _flat(table)
         return ArrowRecording(
             *(self._fields, flat.select, self._path, self._unit, self._lengths, self._decimal),
@@ -228,10 +201,9 @@ class ArrowRecording(Recording):
         """Read the wanted columns; nan counts as an empty cell."""
         RowFilter(wanted.where, self.names, self.source)
         cells = [name for name in wanted.cells if is_scalar(self._places[name][1])]
+        wanted = replace(wanted, cells=cells)
         times = [] if wanted.time is None else [wanted.time]
-        part = [] if wanted.part is None else [wanted.part.column]
-        names = [*wanted.numbers, *wanted.texts, *cells, *wanted.where, *times, *part]
-        names = [*dict.fromkeys(names)] or [*self.names[:1]]
+        names = wanted.names or [*self.names[:1]]
         if {*wanted.numbers, *times} & {*self.texts}:  # all texts are evidence of the decimal mark
             names += [name for name in self.texts if name not in names]
         table = self._table(names)
@@ -244,7 +216,7 @@ class ArrowRecording(Recording):
                 position = self._where(0)
                 value = table[name][0].as_py()
                 raise InputError(f"{position}, column '{name}': expected a name, got {value!r}")
-        for name in times if not part else ():
+        for name in times if wanted.part is None else ():
             self._check_countable(name, table[name])
         arrays = {name: values_of(column) for name, column in table.items()}
         empty = {
@@ -254,7 +226,7 @@ class ArrowRecording(Recording):
         }
         where = self._where if self._first else None
         recording = ArrayRecording(self._path, arrays, None, self._decimal, empty, where)
-        rows = recording.read(replace(wanted, cells=cells))
+        rows = recording.read(wanted)
         return replace(rows, unit=rows.unit or self._unit)
 
     def _check_countable(self, name: str, column: pa.ChunkedArray) -> None:

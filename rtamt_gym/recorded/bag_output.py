@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 import rtamt
 from rtamt import InputError
 from rtamt.monitors import Occurrences
-from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
+from rtamt_gym.recorded.bag_trace import Bag, damaged, open_bag
 from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.occurrences import states_of
 from rtamt_gym.recorded.readers import is_bag
@@ -89,13 +89,7 @@ def write_mcap(
 
 
 def write_bag_clips(path: str, epoch: int, clips: Mapping[Path, tuple[float, float]]) -> None:
-    """Write clips of a bag to files.
-
-    Args:
-        path: The bag.
-        epoch: Time 0 in nanoseconds on the clock that recorded.
-        clips: The first and the last time in seconds, by the name of the MCAP file.
-    """
+    """Write clips of a bag to files."""
     with ExitStack() as opened:
         bag = opened.enter_context(open_bag(path))
         store, outputs = _store(bag), []

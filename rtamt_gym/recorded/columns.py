@@ -13,7 +13,6 @@ from rtamt import InputError
 from rtamt.columns import NANOSECONDS
 from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
-from rtamt_gym.recorded.dates import DateOrder
 
 Missing = Literal["raise", "hold", "drop", "unknown"]
 """The treatment of empty cells: an error, the value before, no row, or an unknown value."""
@@ -23,6 +22,9 @@ Start = Literal["unknown", "known"]
 
 SameTime = Literal["first", "last"]
 """Which of several different records at one instant counts."""
+
+DateOrder = Literal["dmy", "mdy"]
+"""Whether 03/04/2024 is in April or in March."""
 
 UNITS = NANOSECONDS
 """The units of a column of times, in nanoseconds."""
@@ -169,18 +171,7 @@ def read_columns(
     wide: Sequence[str] = (),
     **others: Any,  # noqa: ANN401 - attributes of `Columns`
 ) -> Columns:
-    r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
-
-    Raises:
-        InputError: If an argument cannot be read, or a variable comes twice.
-
-    Example:
-        >>> columns = read_columns(
-        ...     signals=["speed=Vehicle Speed [km/h]"], separator="tab", jitter="5%"
-        ... )
-        >>> columns.column("speed"), columns.column("x"), columns.separator, columns.jitter
-        ('Vehicle Speed [km/h]', 'x', '\t', 0.05)
-    """
+    r"""Read the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``."""
     named: dict[str, str] = {}
     for argument in signals:
         variable, _, column = (part.strip() for part in argument.partition("="))
@@ -230,10 +221,6 @@ def _pair(text: str) -> tuple[str, str]:
 
 def read_seconds(option: str, text: str) -> Fraction:
     """Read a length of time: a number of seconds, or a number with a unit.
-
-    Args:
-        option: The option, for messages.
-        text: The length, such as ``10``, ``10s``, ``500ms``, ``1.5h``.
 
     Example:
         >>> read_seconds("--max-gap", "500ms"), read_seconds("--max-gap", "1.5 h")

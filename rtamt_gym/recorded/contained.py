@@ -32,13 +32,7 @@ LIMIT: Final = 60.0
 
 @contextmanager
 def open_file(module: str, path: str, columns: Columns) -> Iterator[Recording]:
-    """Open a file of recorded values in another process.
-
-    Args:
-        module: The module whose ``open_file(path, columns)`` reads the format.
-        path: The file.
-        columns: How its columns are read.
-    """
+    """Open a file of recorded values in another process."""
     limit = _limit(path)
     with _taken() as process:
         names, dates = process.ask(("open", Path.cwd(), module, path, columns), path, limit)

@@ -30,11 +30,10 @@ from rtamt import InputError
 from rtamt.columns import unit_of_times
 from rtamt.errors import shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import TextCells, floats_in, times_in, values_in
+from rtamt_gym.recorded.cells import TextCells, floats_in, read_dates, times_in, values_in
 from rtamt_gym.recorded.columns import UNITS, Columns
-from rtamt_gym.recorded.dates import RawTimes, read_dates
 from rtamt_gym.recorded.progress import progress
-from rtamt_gym.recorded.recording import Recording, RowFilter, Rows, Wanted
+from rtamt_gym.recorded.recording import RawTimes, Recording, RowFilter, Rows, Wanted
 from rtamt_gym.recorded.text_layout import TOP, TextLayout, layout_of, names_line, rows_of
 from rtamt_gym.recorded.text_numbers import TextNumbers
 from rtamt_gym.recorded.times import join_times
@@ -131,25 +130,7 @@ def _counted(
 
 
 class CsvRecording(Recording):
-    """Separated values below a line with the names of the columns.
-
-    Args:
-        lines: The lines of the file; unless they are a sequence, they are read from the file again
-            when columns are read a second time.
-        source: Name of the file, for messages.
-        columns: The separator, the decimal mark and the lines to skip, if they are not to be
-            recognised.
-        fast: Whether pyarrow may split the file.
-
-    Raises:
-        InputError: If the text has no line of names.
-
-    Example:
-        >>> recording = CsvRecording(["time;x", "0;5", "0,5;4,25"], "trace.csv")
-        >>> rows = recording.read(Wanted(["x"], time="time"))
-        >>> rows.numbers["x"].tolist(), rows.times.tolist(), rows.where(1)
-        ([5.0, 4.25], [0.0, 0.5], 'trace.csv, line 3')
-    """
+    """Separated values below a line with the names of the columns."""
 
     def __init__(
         self,
@@ -233,10 +214,7 @@ class CsvRecording(Recording):
     def _read_fast(self, wanted: Wanted) -> Rows | None:
         """Return the wanted columns by pyarrow; None if the `csv` module must look closer."""
         RowFilter(wanted.where, self.names, self.source)
-        part = [] if wanted.part is None else [wanted.part.column]
-        names = [*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *part]
-        names += [] if wanted.time is None else [wanted.time]
-        table = self._split_by_pyarrow([*dict.fromkeys(names)] or self.names[:1])
+        table = self._split_by_pyarrow(wanted.names or self.names[:1])
         try:
             return None if table is None else self._rows(wanted, table)
         except InputError:  # the csv module may read the cell, or reports its line
@@ -292,11 +270,8 @@ class CsvRecording(Recording):
 
         option, selection = self._columns.decimal, RowFilter(wanted.where, self.names, self.source)
         step = TextNumbers(self.names, wanted, option, self.source, where, where_any, self._plain)
-        part = [] if wanted.part is None else [wanted.part.column]
-        times = [] if wanted.time is None else [wanted.time]
-        parts: dict[str, list[TextCells]] = {
-            name: [] for name in (*wanted.texts, *wanted.cells, *times, *part)
-        }
+        others = replace(wanted, numbers=(), where={}).names
+        parts: dict[str, list[TextCells]] = {name: [] for name in others}
         for cells in self._blocks(lines) if table is None else [table]:
             size, selected = len(next(iter(cells.values()))), None
             if wanted.where:
@@ -366,11 +341,7 @@ class CsvRecording(Recording):
         return dict(zip(names, columns, strict=False))
 
     def _has_row_a_line(self, rows: int) -> bool:
-        """Return whether no quoted cell below the names can span several lines.
-
-        Args:
-            rows: The number of rows that pyarrow reads.
-        """
+        """Return whether no quoted cell below the names can span several lines."""
         lines, quoted, end = 0, False, b"\n"
         with Path(self._file).open("rb") as raw:
             opened = gzip.GzipFile(fileobj=raw) if self._file.endswith(".gz") else raw
@@ -452,14 +423,7 @@ def skip_note(before: int, lines: int) -> str:
 
 
 def unit_below(where: str, time: str | None, units: Mapping[str, str], columns: Columns) -> str:
-    """Return the unit of the times in a row of units, or an empty text.
-
-    Args:
-        where: The place of the row, for messages.
-        time: The column of times; None without one.
-        units: The cells of the row by column.
-        columns: How columns are read.
-    """
+    """Return the unit of the times in a row of units, or an empty text."""
     below = units.get(time, "") if time is not None else ""
     if time is None or columns.time_unit is not None or below in ("", "-"):
         return ""

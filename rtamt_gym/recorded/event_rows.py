@@ -1,10 +1,12 @@
-"""Reads traces from recordings: events at any time."""
+"""Reads events at any time from recordings, and samples signals with different times."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +14,12 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.grid import Records, hole_note, longest_gap
 from rtamt_gym.recorded.names import (
+    TimeColumn,
     check_names,
     check_near,
     check_recorded,
+    find_times,
     long_columns,
     needed_columns,
     recorded_variables,
@@ -25,8 +28,8 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.sample_rows import check_valid, read_rows, wanted_times
-from rtamt_gym.recorded.times import TIME, TimeAxis, TimeColumn, find_times, one_record
-from rtamt_gym.recorded.trace import EventTrace, held
+from rtamt_gym.recorded.times import TIME, TimeAxis, one_record
+from rtamt_gym.recorded.trace import EventTrace, Records, Trace, held, hole_note, longest_gap
 from rtamt_gym.tables import number
 
 _NAN = "; give --missing drop to read nan as no event"
@@ -43,12 +46,6 @@ def read_events(
 
     A row holds an event of each variable with a value in its cell. If the columns are ``time``,
     ``variable`` and ``value``, a row is one event.
-
-    Args:
-        recording: The file.
-        variables: The variables that are needed.
-        columns: How the columns are read.
-        table: Whether the file is one table, so that rows may belong to several objects.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -82,10 +79,7 @@ def read_events(
     rows = read_rows(recording, wanted_times(wanted, time, columns))
     if table:
         filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
-        rules = RowTable(recording, columns, read, time)
-        rules.check_objects(rows, filled)
-        rules.check_clocks(rows)
-        rules.check_spelling(rows, there)
+        RowTable(recording, columns, read, time).check_rows(rows, filled, there)
     check_valid(rows, columns)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
@@ -115,16 +109,7 @@ def _signal(
     where: tuple[str, str],
     columns: Columns,
 ) -> tuple[tuple[Floats, Floats], str]:
-    """Return the events of a variable, one for each instant, and a note on others.
-
-    Args:
-        name: The variable.
-        times: The times in seconds, shape (n,).
-        values: The values, shape (n,); nan in empty cells, which are not events.
-        unknown: The empty cells that are events with an unknown value; None without such cells.
-        where: The file and the column, for messages.
-        columns: How columns are read.
-    """
+    """Return the events of a variable, one for each instant, and a note on others."""
     source, column = where
     recorded = ~np.isnan(values)
     if unknown is not None:
@@ -206,13 +191,7 @@ def _events(
 
 
 def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns) -> EventTrace:
-    """Return the trace with its longest gap and a note on holes.
-
-    Args:
-        trace: The trace.
-        recorded: When each variable was recorded, in seconds.
-        columns: The options that limit how long values hold.
-    """
+    """Return the trace with its longest gap and a note on holes."""
     merged: dict[int, Records] = {}
     for times in recorded.values():
         if id(times) not in merged:
@@ -290,14 +269,7 @@ def _read_long(
 def _read_variables(
     recording: Recording, variables: Sequence[str], columns: Columns, wanted: Wanted
 ) -> Rows:
-    """Read rows that hold one event each; values of variables that are not read may be texts.
-
-    Args:
-        recording: The file.
-        variables: The variables that are needed.
-        columns: How the columns are read.
-        wanted: The columns of values, names and times.
-    """
+    """Read rows that hold one event each; values of variables that are not read may be texts."""
     (value,), (named_by,) = wanted.numbers, wanted.texts
     rows = read_rows(recording, replace(wanted, numbers=(), gaps=()))
     named, values = np.array(rows.texts[named_by]), np.full(rows.count, np.nan)
@@ -317,3 +289,103 @@ def _event_times(rows: Rows, time: TimeColumn, columns: Columns) -> TimeAxis:
     axis.check_distances(rows)
     axis.check_unit(rows.source)
     return axis
+
+
+_MOST: Final = 10_000_000
+"""The most samples that a bag is turned into."""
+
+Stamps = NDArray[np.int64]
+
+
+def sampled(
+    trace: EventTrace,
+    recorded: Mapping[str, Floats],
+    groups: Sequence[Collection[str]],
+    period: Fraction,
+    columns: Columns,
+) -> Trace:
+    """Sample events at the multiples of a period, from the start of the recording to its end.
+
+    A sample has the values of the last events at or before its time. The first sample is the first
+    at which any variable has a value, or the start of the recording if a specification reads no
+    variable. The recorded times of each variable count from the start of the recording.
+    """
+    begin, step = trace.span[0], period * 10**9
+    zero, end = (round(time * 1e9) for time in trace.span)
+    # Whole nanoseconds, so rounding down loses no event.
+    stamps = {n: np.rint(times * 1e9).astype(np.int64) for n, (times, _) in trace.signals.items()}
+    known = {name: math.ceil((int(times[0]) - zero) / step) for name, times in stamps.items()}
+    first = min(min((known[name] for name in group), default=0) for group in groups)
+    count = int((end - zero) / step) + 1 - first
+    if not 0 < count <= _MOST:
+        got = f"{count}, one every" if count > 0 else "none at the multiples of"
+        advice = "longer --period" if count > 0 else "shorter --period"
+        raise InputError(
+            f"{trace.source}: expected 1 to {_MOST} samples, got {got} {float(period):g} s in "
+            f"{(end - zero) / 1e9:.6g} s; give a {advice}, or --dense"
+        )
+    after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
+    places: Stamps = after.astype(np.int64)
+    sampled_at = {
+        name: _held(stamps[name], values, zero + places)
+        for name, (_, values) in trace.signals.items()
+    }
+    records = {name: Records.of(times) for name, times in recorded.items()}
+    notes = [*trace.notes]
+    if hole := hole_note(records, columns.most, begin):
+        notes.append(hole)
+        for name, record in records.items():
+            sampled_at[name][_in_holes(record, places / 1e9, columns.most)] = np.nan
+    since: Floats = np.arange(float(count)) * period.numerator / period.denominator
+    start = begin + float(first * period)
+    times = TimeAxis(columns.time or "log", since, start, 1e-9, certain=True, step=period)
+    late = {name: time - first for name, time in known.items() if time > first}
+    return Trace(
+        trace.source,
+        sampled_at,
+        count,
+        times,
+        lambda sample: f"{trace.source}, at {start + since[sample]:.9g} s",
+        notes=notes,
+        epoch=trace.epoch,
+        known_from=late,
+        unknown=[
+            name
+            for name, values in sampled_at.items()
+            if np.isnan(values[late.get(name, 0) :]).any()
+        ],
+        defaults=trace.defaults,
+        gap=longest_gap(records, begin),
+        start_known=columns.start == "known",
+    )
+
+
+def sampled_events(
+    trace: EventTrace, groups: Sequence[Collection[str]], period: Fraction, columns: Columns
+) -> Trace:
+    """Sample the events of a log or a measurement, with a note."""
+    note = (
+        f"sampled every {number(float(period))} s: a value holds until the next record of its "
+        "column"
+    )
+    events = {n: times for n, (times, _) in trace.signals.items() if n not in trace.absent}
+    recorded = {name: times - trace.span[0] for name, times in events.items()}
+    trace = replace(trace, notes=[*trace.notes, note])
+    samples = sampled(trace, recorded, groups, period, replace(columns, time=columns.time or TIME))
+    return replace(samples, notes=[*dict.fromkeys(samples.notes)])
+
+
+def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
+    """Return the last value at or before each place; nan before the first."""
+    index = np.searchsorted(times, places, side="right") - 1
+    return np.where(index >= 0, values[index], np.nan)
+
+
+def _in_holes(records: Records, at: Floats, most: float) -> NDArray[np.bool_]:
+    """Return which times lie between two records that are farther apart than values hold."""
+    last = len(records.steps) - 1
+    if last < 0:
+        return np.zeros(len(at), bool)
+    index = np.clip(np.searchsorted(records.times, at, side="right") - 1, 0, last)
+    inside = (at > records.times[index]) & (at < records.times[index + 1])
+    return np.asarray(inside & (records.steps[index] > most))

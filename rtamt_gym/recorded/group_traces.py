@@ -18,16 +18,17 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import RtamtError
-from rtamt.columns import may_tell_objects, own_times, unit_of_times
+from rtamt.columns import calendar_unit, may_tell_objects, unit_of_times
 from rtamt.errors import shown
 from rtamt.internal import TraceRows, may_separate
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.group_axes import GroupAxes, GroupRows
-from rtamt_gym.recorded.groups import GroupRecording, GroupTable
+from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
+from rtamt_gym.recorded.groups import Booleans, GroupRecording, GroupRows, GroupTable
 from rtamt_gym.recorded.names import (
+    TimeColumn,
     check_near,
     check_recorded,
+    find_times,
     needed_columns,
     recorded_variables,
     starts_of,
@@ -37,11 +38,10 @@ from rtamt_gym.recorded.recording import Floats, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable, has_time_bounds
 from rtamt_gym.recorded.ruled import IF_EVENTS, check_bounds
 from rtamt_gym.recorded.sample_rows import wanted_samples, wanted_times
-from rtamt_gym.recorded.times import TimeColumn, find_times
-from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.times import HOLE, TimeAxis, in_seconds, same_as_before, simple, stated_unit
+from rtamt_gym.recorded.trace import PERIODS, Trace
+from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import number
-
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,11 @@ class _Layout:
 class GroupTraces:
     """The traces of groups of a table.
 
-    Args:
+    Attributes:
         table: The table.
-        specs: The requirements.
-        reading: The evaluation options.
-        columns: How the columns of each group are read.
-        more: The traces of more requirements, to read their common columns once.
+        stated: The stated period; None to use the times.
+        timed: Whether a requirement has time bounds.
+        ranges: The declared ranges of variables.
     """
 
     def __init__(
@@ -85,8 +84,9 @@ class GroupTraces:
         more: GroupTraces | None = None,
     ) -> None:
         self._more = more
-        self._table, self._specs, self._reading = table, specs, reading
-        self._period = reading.seconds
+        self.table, self._specs, self._reading = table, specs, reading
+        self.stated = reading.seconds
+        self.ranges = {n: ends for spec in specs.values() for n, ends in spec.ranges.items()}
         self.timed = any(spec.timed for spec in specs.values())
         self._doubts: dict[Fraction, bool] = {}
         self._layout: _Layout | None = None
@@ -104,7 +104,7 @@ class GroupTraces:
 
     def _common(self, columns: Columns) -> _Layout | None:
         """Return the common columns and times of the groups; None to read groups one by one."""
-        table, specs, period = self._table, self._specs, self._period
+        table, specs, period = self.table, self._specs, self.stated
         columns = with_columns(specs, columns)
         columns = replace(columns, starts=starts_of(specs, columns))
         recording = GroupRecording(table.source, table, np.zeros(0, np.intp), columns.decimal)
@@ -122,7 +122,7 @@ class GroupTraces:
             return None  # some variables have defaults
         numbers = needed_columns(recording, variables, columns, IF_EVENTS)
         rules = RowTable(recording, columns, read, time)
-        if self._has_clocks(columns, time, read):
+        if rules.clocks:
             return None
         if time is None and bounded and period is None:
             named = any(unit_of_times(name) is not None for name in read)
@@ -148,25 +148,16 @@ class GroupTraces:
         self, numbers: Sequence[str], time: TimeColumn | None, columns: Columns
     ) -> Rows | None:
         """Return the values and times of all groups; None if they cannot be read together."""
-        plain = {*numbers, *(() if time is None else time.columns)}.isdisjoint(self._table.texts)
+        plain = {*numbers, *(() if time is None else time.columns)}.isdisjoint(self.table.texts)
         more = None if self._more is None else self._more._layout  # noqa: SLF001 - of this class
         if plain and more is not None and more.time == time and {*numbers} <= {*more.rows.numbers}:
             return more.rows
         wanted = wanted_samples(numbers, time, columns, IF_EVENTS)
-        rows = self._table.read(wanted)
+        rows = self.table.read(wanted)
         if rows is None and plain:
             # An empty cell of one group leaves the others plain.
-            rows = self._table.read(replace(wanted, gaps=numbers, nan=True))
+            rows = self.table.read(replace(wanted, gaps=numbers, nan=True))
         return rows
-
-    def _has_clocks(self, columns: Columns, time: TimeColumn | None, read: set[str]) -> bool:
-        """Return whether variables have their own columns of times."""
-        if columns.time is not None or (time is not None and time.part is not None):
-            return False
-        clocks = {own_times(name, self._table.names) for name in self._table.names if name in read}
-        clocks -= {None}
-        main = next(iter(clocks), None) if time is None else time.name
-        return main is not None and bool(clocks - {main})
 
     def _cells(
         self, names: Sequence[str], count: int, columns: Columns
@@ -174,23 +165,18 @@ class GroupTraces:
         """Return columns without conversion; None if they cannot be read."""
         if not names:
             return {}
-        rows = self._table.read(Wanted((), cells=names, where=columns.where))
+        rows = self.table.read(Wanted((), cells=names, where=columns.where))
         if rows is None:
             return None
         return {name: values for name, values in rows.cells.items() if len(values) == count}
 
     def block(self, names: Sequence[str], places: Sequence[NDArray[np.intp]]) -> GroupBlock | None:
-        """Return the traces of some groups; None to read groups one by one.
-
-        Args:
-            names: The names of the traces.
-            places: The rows of each group.
-        """
+        """Return the traces of some groups; None to read groups one by one."""
         layout = self._layout
         if layout is None:
             return None
         lengths = np.array([len(part) for part in places], np.int64)
-        rows = GroupRows(np.cumsum(lengths) - lengths, lengths)
+        rows = GroupRows.of(lengths)
         order = np.concatenate(places)
         span = slice(int(order[0]), int(order[-1]) + 1)
         # Avoid a copy if the rows are neighbours.
@@ -213,35 +199,12 @@ class GroupTraces:
     def measured(self) -> bool:
         """Whether traces have lengths: there are times, or a stated period."""
         return self._layout is not None and (
-            self._layout.time is not None or self._period is not None
+            self._layout.time is not None or self.stated is not None
         )
-
-    @property
-    def stated(self) -> Fraction | None:
-        """The stated period."""
-        return self._period
-
-    @property
-    def table(self) -> GroupTable:
-        """The table."""
-        return self._table
-
-    @property
-    def ranges(self) -> Mapping[str, tuple[float, float]]:
-        """The declared ranges of variables."""
-        return {n: ends for spec in self._specs.values() for n, ends in spec.ranges.items()}
 
 
 class GroupBlock:
     """The traces of some groups.
-
-    Args:
-        traces: The traces of the table.
-        layout: The common columns and times of all groups.
-        names: The names of the traces.
-        places: The rows of each group in the table.
-        rows: The rows of each group in the columns.
-        chosen: The rows of the table in the columns.
 
     Attributes:
         values: The values of each variable, group after group.
@@ -385,3 +348,238 @@ class GroupBlock:
     def _place(self, places: NDArray[np.intp]) -> Callable[[int], str]:
         where = self._layout.rows.where
         return lambda row: where(int(places[row]))
+
+
+_SINCE_START, _DAYS, _CLOCKS = 1e7, 3e4, 60.0
+"""Numbers below these are not dates such as 20240501, days of dates, and times of day."""
+
+_SINCE_1970 = 3e8, 1e11
+"""Numbers between these are seconds since 1970, if steps are short enough."""
+
+_STEPS = 1e-4, 990.0
+"""Steps between these are neither days nor another unit than seconds."""
+
+_TRIED = 64
+"""The periods that are compared with all groups."""
+
+
+class GroupAxes:
+    """The times of groups.
+
+    Attributes:
+        plain: Whether the times of each group increase, and are certainly not dates, days or times
+            of day. Other attributes are meaningless for groups that are not plain.
+        since: Seconds since the first time of the group, for each row.
+        uneven: Whether steps differ by more than about a tenth.
+    """
+
+    def __init__(
+        self, raw: NDArray[Any], rows: GroupRows, column: str, unit: str, columns: Columns
+    ) -> None:
+        self._rows, self._column, kind = rows, column, raw.dtype.kind
+        if kind == "f":
+            raw = raw.astype(np.float64)
+        wrong = np.isnat(raw) if kind in "mM" else ~np.isfinite(raw)
+        self.plain = ~rows.any(wrong)
+        raw = np.where(wrong, raw.dtype.type(0), raw) if wrong.any() else raw
+        inner = np.ones(len(raw), bool)
+        inner[rows.begins] = False
+        self._inner = inner
+        rises = np.ones(len(raw), bool)
+        rises[1:] = raw[1:] > raw[:-1]
+        self.plain &= ~rows.any(~rises & inner)
+        stated = "s" if kind in "mM" else stated_unit(column, unit, columns)
+        self._certain, self._decided = bool(stated), ""
+        if kind in "mM":
+            integers = raw.astype(f"{kind}8[ns]").astype(np.int64)
+            self.since = (integers - rows.repeated(integers[rows.begins])) / 1e9
+            first = integers[rows.begins] / 1e9
+            self._starts = np.zeros(len(first)) if kind == "M" else first
+            self._precisions, self._unit, exact_times = np.full(len(first), 1e-9), 1, integers
+        else:
+            named = stated or calendar_unit(column) or ""
+            self.plain &= named == "" or named in UNITS
+            self._certain = bool(named)
+            self._unit = UNITS.get(named or "s", UNITS["s"])
+            with np.errstate(over="ignore"):
+                self.since = in_seconds(raw - rows.repeated(raw[rows.begins]), self._unit)
+            most = rows.greatest(np.abs(raw)).astype(np.float64)
+            ulps = np.spacing(most) if kind == "f" else np.zeros(len(most))
+            ends = np.spacing(rows.greatest(np.abs(self.since)))
+            self._precisions = np.maximum(ulps * self._unit / 1e9, ends)
+            self._starts = in_seconds(raw[rows.begins], self._unit)
+            exact_times = raw
+        self.plain &= ~rows.any(~np.isfinite(self.since))
+        with np.errstate(over="ignore", invalid="ignore"):
+            same = np.append(False, same_as_before(self.since))
+            self._all_steps = np.diff(self.since, prepend=self.since[:1])
+        self.plain &= ~rows.any((same | ~(self._all_steps > 0)) & inner)
+        (self._many,) = np.nonzero(rows.lengths > 1)
+        lengths = rows.lengths[self._many] - 1
+        self._steps = GroupRows.of(lengths)
+        self.steps = self._all_steps[inner]
+        self._exact = self._exact_steps(exact_times, kind)
+        self.usual = self._usual()
+        self.uneven = self._spread_steps(0.0999)
+        if not stated:
+            self._leave_doubtful(raw)
+
+    def _exact_steps(self, exact_times: NDArray[Any], kind: str) -> list[int | None]:
+        """Return the distance of whole numbers of each group with steps, if it is the same."""
+        if kind == "f" or not len(self._many):
+            return [None] * len(self._many)
+        steps = np.diff(exact_times.astype(np.int64), prepend=exact_times[:1].astype(np.int64))[
+            self._inner
+        ]
+        least, most = self._steps.least(steps), self._steps.greatest(steps)
+        return [a if a == b else None for a, b in zip(least.tolist(), most.tolist(), strict=True)]
+
+    def _usual(self) -> Floats:
+        """Return the usual step of each group; 0 for a group of one row."""
+        usual = np.zeros(len(self._rows.lengths))
+        if len(self._many):
+            medians = self._steps.medians(self.steps)
+            for i, step in enumerate(self._exact):
+                if step is not None:
+                    medians[i] = float(self._fraction(step))
+            usual[self._many] = medians
+        return usual
+
+    def _fraction(self, step: int) -> Fraction:
+        return Fraction(step * self._unit, UNITS["s"])
+
+    def _spread_steps(self, part: float) -> Booleans:
+        """Return whether the steps of each group differ by more than a part of the usual step."""
+        spread = np.zeros(len(self._rows.lengths), bool)
+        if len(self._many):
+            least, most = self._steps.least(self.steps), self._steps.greatest(self.steps)
+            with np.errstate(invalid="ignore", over="ignore"):
+                spread[self._many] = ~(most - least <= part * self.usual[self._many])
+        return spread
+
+    def _leave_doubtful(self, raw: NDArray[Any]) -> None:
+        """Leave out groups whose times may be dates, days, times of day or in another unit."""
+        most = self._rows.greatest(np.abs(raw)).astype(np.float64)
+        low = self._rows.least(raw).astype(np.float64)
+        many = self._rows.lengths > 1
+        steps = np.where(many, self.usual * UNITS["s"] / self._unit, 1.0)
+        dated = (low >= _SINCE_1970[0]) & (most < _SINCE_1970[1])
+        self.plain &= (most < _SINCE_START) | dated
+        if raw.dtype.kind == "f":
+            self.plain &= ~many | (((low < _DAYS) | dated) & (steps >= _STEPS[0]))
+        self.plain &= ~(self._spread_steps(0.0099) & (most >= _CLOCKS) & ~dated)
+        self.plain &= ~many | (steps < _STEPS[1])
+
+    def axis(self, i: int) -> TimeAxis:
+        """Return the times of a group, as `TimeAxis.of` does."""
+        begin, n = int(self._rows.begins[i]), int(self._rows.lengths[i])
+        exact = self._exact_of.get(i)
+        return TimeAxis(
+            self._column,
+            self.since[begin : begin + n],
+            float(self._starts[i]),
+            float(self._precisions[i]),
+            self._certain,
+            None if exact is None else self._fraction(exact),
+            self._decided,
+            unit=self._unit,
+        )
+
+    @cached_property
+    def _exact_of(self) -> dict[int, int]:
+        pairs = zip(self._many.tolist(), self._exact, strict=True)
+        return {place: step for place, step in pairs if step is not None}
+
+    def far_apart(self, step: float) -> Booleans:
+        """Return which groups have two rows only, farther apart than the steps of other groups."""
+        most = HOLE * step * self._unit / UNITS["s"]
+        return np.asarray((self._rows.lengths == 2) & (self.usual >= most))
+
+    @property
+    def doubtful(self) -> Booleans:
+        """Whether `TimeAxis.unit_note` of each group may have a text."""
+        result = np.zeros(len(self._rows.lengths), bool)
+        if not self._certain and len(self._many):
+            result[self._many] = self._steps.least(self.steps) >= 1
+        return result
+
+    def gaps(self, usual: float | None) -> list[Gap | None]:
+        """Return the longest gap of each group."""
+        gaps: list[Gap | None] = [None] * len(self._rows.lengths)
+        if not len(self._many):
+            return gaps
+        most = self._steps.greatest(self.steps)
+        (longest,) = np.nonzero(self.steps == self._steps.repeated(most))
+        first = longest[np.searchsorted(longest, self._steps.begins)]
+        # The steps of a group lack one row of each group up to it with several rows.
+        before = self._rows.begins[self._many] + first - self._steps.begins
+        begins = self.since[before] + self._starts[self._many]
+        usuals = self.usual[self._many] if usual is None else np.full(len(most), usual)
+        rows = zip(
+            *(self._many.tolist(), most.tolist(), begins.tolist(), usuals.tolist()), strict=True
+        )
+        for place, seconds, begin, step in rows:
+            gaps[place] = Gap(seconds, begin, step)
+        return gaps
+
+    def near(self, period: float) -> Booleans:
+        """Return whether all steps of each group are a stated period; also for one row."""
+        result = np.ones(len(self._rows.lengths), bool)
+        if len(self._many):
+            least, most = self._steps.least(self.steps), self._steps.greatest(self.steps)
+            room = NEAR * period
+            result[self._many] = (period - least <= room) & (most - period <= room)
+        return result
+
+    def periods(self) -> list[Fraction | None]:
+        """Return the period of each group; None for one row or uneven times."""
+        periods: list[Fraction | None] = [None] * len(self._rows.lengths)
+        many = self._many[self.plain[self._many]]
+        exact = self._exact_of
+        usual = self.usual
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            last = self.since[self._rows.begins + self._rows.lengths - 1]
+            slopes = last / np.maximum(self._rows.lengths - 1, 1)
+            evenly = [*exact]
+            slopes[evenly] = usual[evenly]
+            off = self.since - self._rows.numbers * self._rows.repeated(slopes)
+            spreads = self._rows.greatest(off) - self._rows.least(off)
+            room = 2 * self._precisions
+            even = spreads <= 2 * NEAR * slopes + room
+            even &= (usual >= PERIODS[0]) & (usual <= PERIODS[1])
+            blurs = np.maximum(
+                1e-9 * slopes, (room + 2 * spreads) / np.maximum(self._rows.lengths - 1, 1)
+            )
+        many = many[even[many]]
+        left = []
+        for place in many.tolist():
+            if place in exact:
+                periods[place] = self._fraction(exact[place])
+            else:
+                left.append(place)
+        pending = np.array(left, np.intp)
+        for _ in range(_TRIED):
+            if not len(pending):
+                return periods
+            period = simple(float(slopes[pending[0]]), float(blurs[pending[0]]))
+            same = _are_simplest(period, slopes[pending], blurs[pending])
+            same[0] = True
+            for place in pending[same].tolist():
+                periods[place] = period
+            pending = pending[~same]
+        for place in pending.tolist():
+            periods[place] = simple(float(slopes[place]), float(blurs[place]))
+        return periods
+
+
+def _are_simplest(period: Fraction, values: Floats, blurs: Floats) -> Booleans:
+    """Return for which values `simple` certainly returns this period.
+
+    Two fractions with denominators up to D are at least 1 / D**2 apart. So a period with such a
+    denominator is unique if it is nearer than half of this distance.
+    """
+    power = max(1, len(str(period.denominator - 1)))
+    if power > 7:  # floats are too coarse
+        return np.zeros(len(values), bool)
+    room = 0.49 / 10.0 ** (2 * power)
+    return np.asarray((np.abs(values - float(period)) <= 0.999 * blurs) & (blurs <= room))

@@ -4,29 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt.columns import unit_of_times
+from rtamt.columns import median, unit_of_times
 from rtamt.errors import nearest, no_such, shown
 from rtamt.internal import groups_of
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.group_axes import GroupRows
 from rtamt_gym.recorded.parts import TracePart, file_of, group_name, group_names, part_of
 from rtamt_gym.recorded.readers import FORMATS, format_of, open_recording
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
+from rtamt_gym.recorded.recording import (
+    Floats,
+    RawTimes,
+    Recording,
+    RowFilter,
+    Rows,
+    Wanted,
+    cell_texts,
+    check_one_writing,
+)
 from rtamt_gym.recorded.roles import names_totals
-from rtamt_gym.recorded.sorted_groups import SortedGroups
-from rtamt_gym.recorded.times import raw_steps
+from rtamt_gym.recorded.times import (
+    raw_steps,
+)
 from rtamt_gym.tables import counted
+
+Booleans = NDArray[np.bool_]
 
 _Keys = tuple[str, ...]
 _Cells = tuple[dict[str, NDArray[Any]], Callable[[int], str]]
@@ -35,13 +45,63 @@ _MOST_TABLES = 2
 """The maximum number of tables in memory."""
 
 
+@dataclass(frozen=True, slots=True)
+class GroupRows:
+    """Neighbouring rows that belong to one group each.
+
+    Attributes:
+        begins: The first row of each group.
+        lengths: The number of rows, one or more.
+    """
+
+    begins: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+
+    @staticmethod
+    def of(lengths: NDArray[np.int64]) -> GroupRows:
+        """Return the rows of groups that follow each other."""
+        return GroupRows(np.cumsum(lengths) - lengths, lengths)
+
+    def least(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the minimum of each group."""
+        return np.minimum.reduceat(values, self.begins)
+
+    def greatest(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the maximum of each group."""
+        return np.maximum.reduceat(values, self.begins)
+
+    def any(self, marks: Booleans) -> Booleans:
+        """Return whether each group has a mark."""
+        return np.logical_or.reduceat(marks, self.begins)
+
+    def repeated(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the value of its group for each row."""
+        return np.repeat(values, self.lengths)
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """The number of each row in its group."""
+        return np.asarray(np.arange(int(self.lengths.sum())) - self.repeated(self.begins))
+
+    def medians(self, values: Floats) -> Floats:
+        """Return the median of each group, as `median` does."""
+        result = np.empty(len(self.lengths))
+        for n in np.unique(self.lengths).tolist():
+            (chosen,) = np.nonzero(self.lengths == n)
+            if n > 10_000 or len(chosen) == 1:
+                for i in chosen.tolist():
+                    result[i] = median(values[self.begins[i] : self.begins[i] + n])
+                continue
+            ordered = np.sort(values[self.begins[chosen][:, None] + np.arange(n)], axis=1)
+            middle = n // 2
+            result[chosen] = ordered[:, middle]
+            if not n % 2:
+                result[chosen] = (ordered[:, middle - 1] + ordered[:, middle]) / 2
+        return result
+
+
 class GroupTable:
     """A table of several objects, which is read once for all of them.
-
-    Args:
-        file: The path of the file.
-        columns: How its columns are read; ``by`` names the key columns.
-        span: The first row and the row after the last of a Parquet file; None: all rows.
 
     Attributes:
         rows: The rows of each group, by the texts of its keys, in the order of first rows.
@@ -95,15 +155,9 @@ class GroupTable:
         self.blank_rows = rows.count - len(there)
         if not len(there):
             raise InputError(f"{self.source}: expected a row with an object, got none")
-        for name, column in cells.items():
-            empty = _empty(column) & ~absent
-            if np.any(empty):
-                row = int(np.argmax(empty))
-                raise InputError(
-                    f"{rows.where(row)}, column '{name}': expected a value of this --by column, "
-                    "got an empty cell"
-                )
-        groups = groups_of({n: column[there] for n, column in cells.items()}, self._columns.by)
+        cells = {name: column[there] for name, column in cells.items()}
+        _check_keys(rows, there, cells)
+        groups = groups_of(cells, self._columns.by)
         order = there if groups.order is None else there[groups.order]
         texts = zip(*(cell_texts(column) for column in groups.keys.values()), strict=True)
         typed = zip(*(column.tolist() for column in groups.keys.values()), strict=True)
@@ -148,11 +202,7 @@ class GroupTable:
         return blank
 
     def traces(self, chosen: Mapping[str, str]) -> Mapping[str, _Keys]:
-        """Return the keys of each group by the name of its trace.
-
-        Args:
-            chosen: The keys that select this table in its file.
-        """
+        """Return the keys of each group by the name of its trace."""
         if not self._traces:
             self._traces = group_names(file_of(self._file), self._columns.by, self.values, chosen)
         return self._traces
@@ -173,14 +223,7 @@ class GroupTable:
         return self._whole[key]
 
     def usual_step(self, wanted: Wanted) -> float | None:
-        """Return the smallest usual distance of times in groups of three rows or more, or None.
-
-        Args:
-            wanted: The columns of times.
-
-        Returns:
-            The distance in the unit of the column, in nanoseconds for dates.
-        """
+        """Return the smallest usual distance of times in groups of three rows or more, or None."""
         if self._span is not None:
             return _index(self._file, self._columns).usual_step(wanted, self._step_in_part)
         wanted = replace(wanted, numbers=(), gaps=(), texts=(), cells=())
@@ -204,7 +247,7 @@ class GroupTable:
         inner = np.ones(int(lengths.sum()), bool)
         inner[np.cumsum(lengths) - 1] = False
         steps = np.append(raw_steps(times[np.concatenate(places)]), 0.0)[inner]
-        rows = GroupRows(np.cumsum(lengths - 1) - (lengths - 1), lengths - 1)
+        rows = GroupRows.of(lengths - 1)
         medians = rows.medians(steps)[rows.least(steps) > 0]
         return float(medians.min()) if len(medians) else None
 
@@ -220,20 +263,23 @@ class GroupTable:
         return self._read_cells[names]
 
 
+def _check_keys(rows: Rows, places: NDArray[np.intp], cells: Mapping[str, NDArray[Any]]) -> None:
+    """Check that no cell of the key columns is empty in some rows."""
+    for name, column in cells.items():
+        if np.any(empty := _empty(column)):
+            raise InputError(
+                f"{rows.where(int(places[np.argmax(empty)]))}, column '{name}': expected a value "
+                "of this --by column, got an empty cell"
+            )
+
+
 def _empty(column: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which cells are empty."""
     return np.asarray(np.isnan(column) if column.dtype.kind == "f" else column == "", bool)
 
 
 class GroupRecording(Recording):
-    """The rows of one group of a table.
-
-    Args:
-        source: The name of the trace.
-        table: The table.
-        rows: The rows of the group.
-        decimal: The decimal mark of numbers that are text; None to recognise it.
-    """
+    """The rows of one group of a table."""
 
     def __init__(
         self, source: str, table: GroupTable, rows: NDArray[np.intp], decimal: str | None
@@ -276,15 +322,8 @@ class GroupRecording(Recording):
         )
 
     def _read_alone(self, wanted: Wanted) -> Rows:
-        """Read the columns of this group from the cells of the table.
-
-        Args:
-            wanted: The columns; ``where`` selects rows of the group.
-        """
-        part = () if wanted.part is None else (wanted.part.column,)
-        times = () if wanted.time is None else (wanted.time,)
-        names = (*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *times, *part)
-        cells, place = self._table.cells(names)
+        """Read the columns of this group from the cells of the table."""
+        cells, place = self._table.cells(wanted.names)
         rows = self._rows
         recording = ArrayRecording(
             self._source,
@@ -327,18 +366,7 @@ def _key(file: str, columns: Columns) -> tuple[Columns, tuple[object, ...]]:
 
 
 def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
-    """Return the names of the traces in a table, with the values of their keys.
-
-    Args:
-        path: The path of a file.
-        columns: How its columns are read: ``by`` names the key columns, and ``where`` selects.
-
-    Returns:
-        The names. An unreadable file is its own name without keys; judging it reports the error.
-
-    Raises:
-        InputError: If a file is not a table, or ``by`` names the key of tables in a file.
-    """
+    """Return the names of the traces in a table, with the values of their keys."""
     row = format_of(path)
     if path == "-":
         raise InputError("expected a file for --by, got - for standard input")
@@ -348,7 +376,11 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
     if (outer is not None) != row.choice:  # a group by its name, or a file with several tables
         return {path: {}}
     chosen = {} if outer is None else outer.values
-    _check_keys(path, columns.by, chosen)
+    if (own := next((name for name in columns.by if name in chosen), None)) is not None:
+        raise InputError(
+            f"{shown(path)}: expected --by with another column than '{own}', which selects "
+            f"a table of the file. Give the column another name, such as in a view."
+        )
     columns = replace(
         columns, where={name: text for name, text in columns.where.items() if name not in chosen}
     )
@@ -379,16 +411,6 @@ def groups_in(path: str, columns: Columns) -> dict[str, Mapping[str, object]]:
         texts = " and ".join(f"{name}={text}" for name, text in columns.where.items())
         raise InputError(f"{shown(path)}: no row with {texts}, which --where selects")
     return names
-
-
-def _check_keys(path: str, by: Sequence[str], chosen: Mapping[str, str]) -> None:
-    """Check that no key column has the name of the key of tables in a file."""
-    for name in by:
-        if name in chosen:
-            raise InputError(
-                f"{shown(path)}: expected --by with another column than '{name}', which selects "
-                f"a table of the file. Give the column another name, such as in a view."
-            )
 
 
 def _for_table(columns: Columns, by: Sequence[str]) -> Columns:
@@ -428,10 +450,6 @@ def groups_by_table(
     """Yield each table with the rows of its groups, by the index of their traces in a list.
 
     Traces that are not groups, and unreadable tables, are omitted.
-
-    Args:
-        paths: The names of the traces.
-        columns: How their columns are read.
     """
     remaining = dict(zip(paths, range(len(paths)), strict=True))
     while remaining:
@@ -463,3 +481,111 @@ def open_group(path: str, columns: Columns) -> Iterator[Recording]:
     if keys not in table.rows:
         raise _no_group(path, keys, [*part.values][-len(keys) :], [*table.rows])
     yield GroupRecording(path, table, table.rows[keys], columns.decimal)
+
+
+PART_ROWS: Final = 1 << 20
+"""The rows after which a part of a file ends with its group."""
+
+
+class SortedGroups:
+    """The places of the groups in a Parquet file.
+
+    Attributes:
+        values: The keys of each group with their types, by the texts of the keys, in order.
+    """
+
+    def __init__(self, file: str, columns: Columns) -> None:
+        self._file, self._by = file, tuple(columns.by)
+        self.values: dict[tuple[str, ...], dict[str, object]] = {}
+        self._begins: dict[tuple[str, ...], int] = {}
+        self._last: tuple[str, ...] | None = None
+        self._end = 0
+        self._steps: dict[str, float | None] = {}
+        with open_recording(file, columns) as recording:
+            self._source, names = recording.source, recording.names
+        for name in self._by:
+            if name not in names:
+                raise InputError(f"{self._source}: {no_such('column', name, names)}")
+        selection = RowFilter(columns.where, names, self._source)
+        from rtamt_gym.recorded.arrow_reader import parquet_batches
+
+        wanted = [*dict.fromkeys([*self._by, *columns.where])]
+        for first, rows in parquet_batches(file, columns, wanted, PART_ROWS):
+            for name in wanted:
+                if name not in rows.cells:
+                    raise InputError(f"{self._source}: expected numbers or texts in '{name}'")
+            chosen = np.arange(rows.count)
+            if columns.where:
+                texts = {name: cell_texts(rows.cells[name]) for name in columns.where}
+                (chosen,) = np.nonzero(selection.mask(texts))
+            self._add(first, rows, chosen)
+        if columns.where:
+            selection.check()
+        if not self.values:
+            raise InputError(f"{self._source}: expected at least one row, got none")
+        for i, name in enumerate(self._by):
+            check_one_writing(self._source, name, {key[i] for key in self.values})
+        self._spans = self._parts()
+
+    def _add(self, first: int, rows: Rows, chosen: NDArray[np.intp]) -> None:
+        """Add the selected rows of a part of the file."""
+        if not len(chosen):
+            return
+        cells = [rows.cells[name][chosen] for name in self._by]
+        _check_keys(rows, chosen, dict(zip(self._by, cells, strict=True)))
+        starts = np.append(0, np.flatnonzero(_changes(cells)) + 1)
+        texts = zip(*(cell_texts(column[starts]) for column in cells), strict=True)
+        typed = zip(*(column[starts].tolist() for column in cells), strict=True)
+        for key, values, start in zip(texts, typed, chosen[starts].tolist(), strict=True):
+            if key == self._last:
+                continue
+            if key in self.values:
+                group = ", ".join(map("=".join, zip(self._by, key, strict=True)))
+                raise InputError(
+                    f"{rows.where(start)}: expected the rows of {group} to follow each other, as "
+                    f"--sorted states, got one after other groups. Sort the file by "
+                    f"{', '.join(self._by)}, or leave --sorted out to read it into memory."
+                )
+            self.values[key] = dict(zip(self._by, values, strict=True))
+            self._begins[key], self._last = first + start, key
+        self._end = first + int(chosen[-1]) + 1
+
+    def _parts(self) -> dict[tuple[str, ...], tuple[int, int]]:
+        """Return the rows of the part that holds each group."""
+        spans: dict[tuple[str, ...], tuple[int, int]] = {}
+        keys = [*self._begins]
+        ends = [*list(self._begins.values())[1:], self._end]
+        part: list[tuple[str, ...]] = []
+        for key, end in zip(keys, ends, strict=True):
+            part.append(key)
+            begin = self._begins[part[0]]
+            if end - begin >= PART_ROWS or key is keys[-1]:
+                spans |= dict.fromkeys(part, (begin, end))
+                part = []
+        return spans
+
+    def traces(self, chosen: Mapping[str, str]) -> Mapping[str, tuple[str, ...]]:
+        """Return the keys of each group by the name of its trace."""
+        return group_names(file_of(self._file), self._by, self.values, chosen)
+
+    def usual_step(
+        self, wanted: Wanted, step_in: Callable[[tuple[int, int], Wanted], float | None]
+    ) -> float | None:
+        """Return the smallest usual distance of times in the groups of all parts, or None."""
+        key = repr((wanted.time, wanted.part, wanted.where, wanted.date_order))
+        if key not in self._steps:
+            steps = [step_in(span, wanted) for span in dict.fromkeys(self._spans.values())]
+            self._steps[key] = min((step for step in steps if step is not None), default=None)
+        return self._steps[key]
+
+    def span(self, keys: tuple[str, ...]) -> tuple[int, int] | None:
+        """Return the rows of the part that holds a group; None without such a group."""
+        return self._spans.get(keys)
+
+
+def _changes(cells: Sequence[NDArray[Any]]) -> NDArray[np.bool_]:
+    """Return whether each row after the first differs from the row before."""
+    changes = np.zeros(len(cells[0]) - 1, bool)
+    for column in cells:
+        changes |= column[1:] != column[:-1]
+    return changes

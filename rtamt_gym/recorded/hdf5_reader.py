@@ -70,12 +70,6 @@ class DemoRecording(Recording):
 
     An element of a row has the name ``obs.eef_pos[0]``. Images and arrays with more dimensions are
     not read.
-
-    Args:
-        path: The name of the trace.
-        group: The demonstration.
-        period: Seconds between rows; None if the file does not state it.
-        columns: How columns are read.
     """
 
     def __init__(
@@ -105,11 +99,8 @@ class DemoRecording(Recording):
         """Read the wanted columns."""
         where = {name: text for name, text in wanted.where.items() if name != MASK}
         wanted = replace(wanted, where=where)
-        names = [*wanted.numbers, *wanted.texts, *wanted.cells, *where]
-        names += [] if wanted.time is None else [wanted.time]
-        names += [] if wanted.part is None else [wanted.part.column]
         with refusing(self._path, _WHOLE):
-            arrays = {name: self._array(name) for name in names if name in self._places}
+            arrays = {name: self._array(name) for name in wanted.names if name in self._places}
             arrays = arrays or {name: self._array(name) for name in [*self._places][:1]}
         times = np.zeros(0)
         if TIME in self.names and TIME not in self._places and self._period is not None:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt.typing import End, SemanticsName
+from rtamt.typing import SemanticsName
 from rtamt_gym.judging.formulas import require_whole_episode
 from rtamt_gym.judging.monitors import EXACT, robustness_text
 from rtamt_gym.judging.stages import progress_of, progress_of_events
@@ -226,13 +226,7 @@ RESULT = "(result)"
 
 
 def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
-    """Return the specification that a trace must satisfy at its first sample.
-
-    Args:
-        spec: The specification.
-        view: ``"episode"``: the specification as it is; ``"step"``: ``always`` of it, so that it
-            has to hold at every sample.
-    """
+    """Return the specification that a trace must satisfy at its first sample."""
     if view == "step":
         return spec.always()
     named = spec.requirement is not None
@@ -243,73 +237,150 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
 
 def judge(
     spec: rtamt.Specification,
-    trace: Trace,
+    trace: Trace | EventTrace,
     period: Fraction | None,
     reading: EvaluationOptions,
     *,
     formulas: bool = True,
 ) -> TraceJudgement:
-    """Judge samples.
+    """Judge samples, or events in dense time, whose trace ends with the recording."""
+    if isinstance(trace, Trace):
+        return _judge_samples(spec, trace, period, reading, formulas=formulas)
+    try:
+        return _judge_events(spec, trace, reading, formulas=formulas)
+    except InputError as error:
+        raise InputError(f"{trace.source}: ", error) from error
 
-    Args:
-        spec: The specification.
-        trace: The samples.
-        period: Seconds between samples; None: bounds count samples.
-        reading: The evaluation options.
-        formulas: Whether to evaluate the robustness of the named formulas too.
+
+def arguments(
+    spec: rtamt.Specification,
+    trace: Trace | EventTrace,
+    period: Fraction | None,
+    reading: EvaluationOptions,
+    late: LateStart | None,
+    *,
+    beginning: bool = False,
+) -> tuple[Mapping[str, Floats], dict[str, Any]]:
+    """Return the signals and options with which `rtamt` and `rtamt.dense` judge a trace.
+
+    They are the signals from the start at which all variables of the specification have a value,
+    or with the time before it, in which values are unknown.
     """
-    requirement = viewed(spec, reading.view)
-    late, recorded = trace.late_start(requirement.variables), trace
+    if isinstance(trace, EventTrace):
+        return _dense_arguments(spec, trace, reading, late, beginning=beginning)
+    names = spec.variables
+    trace = trace.with_beginning(names) if beginning else trace.known(names)
+    reading = reading.having(period=period)
+    if beginning or not {*trace.unknown}.isdisjoint(names):
+        reading = reading.having(nan="unknown")
+    return trace.columns, {"n": trace.samples, **reading.from_monitors({"": spec})[""]}
+
+
+def _dense_arguments(
+    spec: rtamt.Specification,
+    trace: EventTrace,
+    reading: EvaluationOptions,
+    late: LateStart | None,
+    *,
+    beginning: bool,
+) -> tuple[Mapping[str, Floats], dict[str, Any]]:
+    options: dict[str, Any] = {"semantics": reading.semantics}
+    if beginning or trace.unknown or trace.max_gap is not None:
+        options["nan"] = "unknown"
+    if trace.max_gap is not None:
+        options["max_gap"] = trace.max_gap
+    # A declared default leaves no hole, other than an event of the same value.
+    declared = {*trace.absent} & spec.defaults.keys()
+    names = [name for name in spec.variables if name not in declared] or spec.variables
+    if late is None or not beginning:
+        return trace.tables_from(late, names), options
+    return trace.tables_with_beginning(late, names), options
+
+
+class _Verdicts(NamedTuple):
+    """The verdicts on a trace whose variables may start at different times.
+
+    Attributes:
+        result: The verdict.
+        from_start: The verdict from the start at which all variables have a value.
+        late: The start; None if it is the start of the recording.
+        cut: The verdict under ``cut``; None unless `result` is SATISFIED under ``complete``.
+        arguments: The signals and options of `from_start`.
+    """
+
+    result: rtamt.Judgement
+    from_start: rtamt.Judgement
+    late: LateStart | None
+    cut: Verdict | None
+    arguments: tuple[Mapping[str, Floats], dict[str, Any]]
+
+
+def _verdicts(
+    spec: rtamt.Specification,
+    trace: Trace | EventTrace,
+    period: Fraction | None,
+    reading: EvaluationOptions,
+    late: LateStart | None,
+) -> _Verdicts:
+    """Judge from the start, and with the time before it if that may be worse."""
+    end, dense = reading.end, isinstance(trace, EventTrace)
+    judge_: Callable[..., rtamt.Judgement] = rtamt.dense.judge if dense else rtamt.judge
+    from_start = signals, options = arguments(spec, trace, period, reading, late)
+    first = result = judge_(spec, signals, end=end, **options)
+    if late is not None:
+        late = replace(late, verdict=first.verdict.name)
+        if late.of and not trace.start_known and first.verdict is not Verdict.VIOLATED:
+            every, unknown = arguments(spec, trace, period, reading, late, beginning=True)
+            complete = judge_(spec, every, end=end, **unknown)
+            if complete.verdict < first.verdict:
+                result, signals, options = complete, every, unknown
+                late = replace(late, counted=True)
+    cut = None
+    if end == "complete" and result.verdict is Verdict.SATISFIED:
+        cut = judge_(spec, signals, end="cut", **options).verdict
+    return _Verdicts(result, first, late, cut, from_start)
+
+
+def _judge_samples(
+    spec: rtamt.Specification,
+    trace: Trace,
+    period: Fraction | None,
+    reading: EvaluationOptions,
+    *,
+    formulas: bool,
+) -> TraceJudgement:
+    requirement, semantics = viewed(spec, reading.view), reading.semantics
+    late = trace.late_start(requirement.variables)
+    verdicts = _verdicts(requirement, trace, period, reading, late)
+    judgement, known, late, cut, (columns, options) = verdicts
     trace = trace.known(requirement.variables)
-    semantics, n = reading.semantics, trace.samples
-    reading = having_unknown(reading.having(period=period), trace, requirement)
-    options = reading.from_monitors({"": requirement})[""]
-
-    def from_start(end: End) -> rtamt.Judgement:
-        return rtamt.judge(requirement, trace.columns, end=end, n=n, **options)
-
-    def with_beginning(end: End) -> rtamt.Judgement:
-        from_begin = recorded.with_beginning(requirement.variables)
-        unknown = reading.having(nan="unknown").from_monitors({"": requirement})[""]
-        return rtamt.judge(
-            requirement, from_begin.columns, end=end, n=from_begin.samples, **unknown
-        )
-
-    def with_passed_rows(end: End) -> rtamt.Judgement:
-        columns = dict[str, Any](trace.columns)
-        if trace.passed is not None:
-            lower, upper = trace.passed.lower, trace.passed.upper
-            columns |= {n: rtamt.UncertainValue(values, upper[n]) for n, values in lower.items()}
-        return rtamt.judge(requirement, columns, end=end, n=n, **options)
-
-    judges = from_start, with_beginning
-    judgement, known, late, cut = _by_start(judges, late, reading.end, known=recorded.start_known)
+    passed = trace.passed
     if (
-        trace.passed is not None
+        passed is not None
         and judgement.verdict is Verdict.SATISFIED
-        and not {*trace.passed.lower}.isdisjoint(requirement.variables)
-        and with_passed_rows(reading.end).verdict is not Verdict.SATISFIED
+        and not {*passed.lower}.isdisjoint(requirement.variables)
     ):
-        raise InputError(
-            f"{trace.passed.place}: SATISFIED if samples are resampled, but this depends on "
-            f"{counted(trace.passed.count, 'row')} between samples, of which this is the first. "
-            "Give --dense to read every row."
-        )
+        ranges = {n: rtamt.UncertainValue(v, passed.upper[n]) for n, v in passed.lower.items()}
+        every = rtamt.judge(requirement, {**columns, **ranges}, end=reading.end, **options)
+        if every.verdict is not Verdict.SATISFIED:
+            raise InputError(
+                f"{passed.place}: SATISFIED if samples are resampled, but this depends on "
+                f"{counted(passed.count, 'row')} between samples, of which this is the first. "
+                "Give --dense to read every row."
+            )
     times, step = _clock(trace, period)
     series = {
         name: Series(
             times,
-            _signed(
-                rtamt.evaluate(part, trace.columns, n=n, **options),
-                semantics,
-            ),
+            _signed(rtamt.evaluate(part, columns, **options), semantics),
             step,
             str(part.formula),
         )
         for name, part in (_parts(spec) if formulas and not known.unknown else {}).items()
     }
     before = late is not None and late.counted
-    progress = None if before else progress_of(requirement, trace.columns, reading)
+    reading = reading.having(period=period, nan=options["nan"])
+    progress = None if before else progress_of(requirement, columns, reading)
     start = late.begin if late is not None and before else trace.start
     return TraceJudgement(
         *(judgement, series, semantics, start, period, step),
@@ -320,46 +391,13 @@ def judge(
     )
 
 
-def _by_start(
-    judges: tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]],
-    late: LateStart | None,
-    end: End,
-    *,
-    known: bool,
-) -> tuple[rtamt.Judgement, rtamt.Judgement, LateStart | None, Verdict | None]:
-    """Judge a trace whose variables may start at different times.
-
-    Returns:
-        The verdict; the verdict from the start; the start; and the verdict under ``cut``, which is
-        None unless ``end`` is ``"complete"`` and the verdict is satisfied.
-    """
-    judge_, with_beginning = judges
-    first = result = judge_(end)
-    if late is not None:
-        late = replace(late, verdict=first.verdict.name)
-        if late.of and not known and first.verdict is not Verdict.VIOLATED:
-            complete = with_beginning(end)
-            if complete.verdict < first.verdict:
-                result, judge_ = complete, with_beginning
-                late = replace(late, counted=True)
-    unsure = end == "complete" and result.verdict is Verdict.SATISFIED
-    return result, first, late, judge_("cut").verdict if unsure else None
-
-
 def noticed(
     mutants: Sequence[rtamt.mutation.Mutant],
     trace: Trace | EventTrace,
     period: Fraction | None,
     reading: EvaluationOptions,
 ) -> tuple[bool, ...]:
-    """Return which mutants of a requirement a trace kills.
-
-    Args:
-        mutants: The mutants, one or more.
-        trace: The samples or events.
-        period: As for `judge`.
-        reading: As for `judge`.
-    """
+    """Return which mutants of a requirement a trace kills."""
     if reading.view == "step":
         mutants = [
             replace(m, requirement=m.requirement.always(), specification=m.specification.always())
@@ -367,30 +405,18 @@ def noticed(
         ]
     requirement = mutants[0].requirement
     if isinstance(trace, Trace):
-        trace = trace.known(requirement.variables)
-        reading = having_unknown(reading.having(period=period), trace, requirement)
-        options = reading.from_monitors({"": requirement})[""]
-        return rtamt.mutation.killed(
-            mutants, trace.columns, end=reading.end, n=trace.samples, **options
-        )
-    events, late = trace, trace.late_start(requirement.variables)
+        columns, options = arguments(requirement, trace, period, reading, None)
+        return rtamt.mutation.killed(mutants, columns, end=reading.end, **options)
+    late = trace.late_start(requirement.variables)
 
     def verdict(spec: rtamt.Specification) -> Verdict | None:
         try:
-            judges = _dense_ways(spec, events, late, reading)
-            return _by_start(judges, late, reading.end, known=events.start_known)[0].verdict
+            return _verdicts(spec, trace, period, reading, late).result.verdict
         except rtamt.RtamtError:  # for instance, the requirement counts samples
             return None
 
     its = verdict(requirement)
     return tuple({its, verdict(m.specification)} == _DECIDED for m in mutants)
-
-
-def having_unknown(
-    reading: EvaluationOptions, trace: Trace, spec: rtamt.Specification
-) -> EvaluationOptions:
-    """Return the options, with unknown values allowed if the specification reads one."""
-    return reading if {*trace.unknown}.isdisjoint(spec.variables) else reading.having(nan="unknown")
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
@@ -421,34 +447,12 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
     return times
 
 
-def judge_events(
-    spec: rtamt.Specification,
-    trace: EventTrace,
-    reading: EvaluationOptions,
-    *,
-    formulas: bool = True,
-) -> TraceJudgement:
-    """Judge events in dense time; the trace ends with the recording.
-
-    Args:
-        spec: The specification.
-        trace: The events.
-        reading: The evaluation options.
-        formulas: Whether to evaluate the robustness of the named formulas too.
-    """
-    try:
-        return _judge_events(spec, trace, reading, formulas=formulas)
-    except InputError as error:
-        raise InputError(f"{trace.source}: ", error) from error
-
-
 def _judge_events(
     spec: rtamt.Specification, trace: EventTrace, reading: EvaluationOptions, *, formulas: bool
 ) -> TraceJudgement:
     semantics, signals, requirement = reading.semantics, trace.tables, viewed(spec, reading.view)
     late = trace.late_start(requirement.variables)
-    judges = _dense_ways(requirement, trace, late, reading)
-    judgement, known, late, cut = _by_start(judges, late, reading.end, known=trace.start_known)
+    judgement, known, late, cut, _ = _verdicts(requirement, trace, None, reading, late)
     series = {}
     for name, part in (_parts(spec) if formulas and not known.unknown else {}).items():
         events = rtamt.dense.evaluate(part, signals, semantics=semantics)
@@ -474,56 +478,6 @@ def _judge_events(
         late_start=late,
         from_start=known,
     )
-
-
-def _dense_ways(
-    spec: rtamt.Specification, trace: EventTrace, late: LateStart | None, reading: EvaluationOptions
-) -> tuple[Callable[[End], rtamt.Judgement], Callable[[End], rtamt.Judgement]]:
-    """Judge a specification on a trace with a start, by its end; for `_by_start`."""
-
-    def from_start(end: End) -> rtamt.Judgement:
-        signals, options = dense_arguments(spec, trace, late, reading)
-        return rtamt.dense.judge(spec, signals, end, **options)
-
-    def with_beginning(end: End) -> rtamt.Judgement:
-        signals, options = dense_arguments(spec, trace, late, reading, beginning=True)
-        return rtamt.dense.judge(spec, signals, end, **options)
-
-    return from_start, with_beginning
-
-
-def dense_arguments(
-    spec: rtamt.Specification,
-    trace: EventTrace,
-    late: LateStart | None,
-    reading: EvaluationOptions,
-    *,
-    beginning: bool = False,
-) -> tuple[dict[str, Floats], dict[str, Any]]:
-    """Return the signals and options of `rtamt.dense.judge` for a trace.
-
-    Args:
-        spec: The specification.
-        trace: The events.
-        late: The start of the trace; None: all variables are known from the start.
-        reading: The evaluation options.
-        beginning: Whether the time before the start is a part of it, with unknown values.
-    """
-    options = {"semantics": reading.semantics, **_not_known(trace)}
-    # A declared default leaves no hole, other than an event of the same value.
-    declared = {*trace.absent} & spec.defaults.keys()
-    names = [name for name in spec.variables if name not in declared] or spec.variables
-    if not beginning:
-        return trace.tables_from(late, names), options
-    assert late is not None, "there is a time before"  # noqa: S101 - for mypy
-    return trace.tables_with_beginning(late, names), {**options, "nan": "unknown"}
-
-
-def _not_known(trace: EventTrace) -> dict[str, Any]:
-    """Return the options of `judge` for unknown values of a trace."""
-    if trace.max_gap is not None:
-        return {"nan": "unknown", "max_gap": trace.max_gap}
-    return {"nan": "unknown"} if trace.unknown else {}
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:

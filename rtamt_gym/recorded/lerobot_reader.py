@@ -96,12 +96,6 @@ class LeRobotRecording(ArrowRecording):
 
     An element of a feature has the name ``observation.state[0]``, and also
     ``observation.state.shoulder_pan.pos`` if the data set names its elements.
-
-    Args:
-        path: The name of the trace.
-        data: The data set.
-        index: The index of the episode.
-        columns: How columns are read.
     """
 
     def __init__(self, path: str, data: _DataSet, index: int, columns: Columns) -> None:
@@ -193,12 +187,6 @@ def _element_names(feature: Mapping[str, Any]) -> list[str]:
     """Return the names of the elements of a feature; an empty list for a feature without names.
 
     They are a list, an object with a list under its only key, or an object of indices.
-
-    Example:
-        >>> _element_names({"names": {"motors": ["pan", "lift"]}})
-        ['pan', 'lift']
-        >>> _element_names({"names": {"dy": 1, "dx": 0}}), _element_names({"names": None})
-        (['dx', 'dy'], [])
     """
     names = feature.get("names")
     if isinstance(names, dict) and len(names) == 1 and isinstance(next(iter(names.values())), list):

@@ -48,12 +48,6 @@ class MdfRecording(Recording):
     A channel name that occurs in several groups is also there as ``GROUP.NAME``, where the group is
     the name of its acquisition, or ``group3`` if the acquisitions of these groups have no unique
     names.
-
-    Args:
-        file: The open file.
-        source: The name of the file, for messages.
-        same_time: Which of several different samples of a channel at one time counts; None: such
-            samples are an error.
     """
 
     def __init__(self, file: MDF, source: str, same_time: SameTime | None = None) -> None:

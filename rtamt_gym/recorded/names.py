@@ -1,4 +1,4 @@
-"""The columns that variables need, and the defaults of variables without a column.
+"""The columns of variables and of times, and the defaults of variables without a column.
 
 To change when a variable gets its default, change three places: this module for files and bags, and
 `rtamt.inputs.samples` and `rtamt.inputs.event_reader` for the arguments of callers.
@@ -11,15 +11,22 @@ import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import rtamt
 from rtamt import InputError
-from rtamt.columns import name_words, read_name
+from rtamt.columns import (
+    has_plain_time_name,
+    name_words,
+    read_name,
+    split_times,
+    unit_of_times,
+)
 from rtamt.errors import near_name, nearest
-from rtamt_gym.checks.names import listed
+from rtamt_gym.checks.names import listed, listing
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.recording import Recording
-from rtamt_gym.recorded.times import TIME
+from rtamt_gym.recorded.recording import Recording, TimePart
+from rtamt_gym.recorded.times import DATE_NAMES, TIME
 from rtamt_gym.tables import number
 
 VARIABLE, VALUE = "variable", "value"
@@ -89,17 +96,7 @@ def check_near(
 
 
 def misspellings(columns: Columns, variables: Sequence[str], names: Sequence[str]) -> Spellings:
-    """Return the columns that may hold values of a variable under a misspelt name.
-
-    Args:
-        columns: How columns are read. ``--signal speed=speed`` leaves a variable out.
-        variables: The variables that have a column.
-        names: The columns that nothing reads.
-
-    Example:
-        >>> misspellings(Columns(), ["speed", "acc_x"], ["Speed", "sped", "acc_y", "time"])
-        [('speed', 'Speed'), ('speed', 'sped')]
-    """
+    """Return the columns that may hold values of a variable under a misspelt name."""
     read = [columns.column(name) for name in variables if columns.signals.get(name) != name]
     return [
         (column, name)
@@ -138,14 +135,7 @@ _SHORT = 2
 def needed_columns(
     recording: Recording, variables: Sequence[str], columns: Columns, if_events: str = ""
 ) -> list[str]:
-    """Return the columns of variables, each once.
-
-    Args:
-        recording: The file.
-        variables: The variables of the specifications.
-        columns: The options with the names of the columns.
-        if_events: Advice for a file whose rows are events, not samples.
-    """
+    """Return the columns of variables, each once."""
     for variable in columns.signals:
         if variable not in variables:
             raise InputError(
@@ -249,9 +239,6 @@ def with_columns(specs: Mapping[str, rtamt.Specification], columns: Columns) -> 
     """Return the column options with the ``@ column`` annotations of specifications.
 
     ``--signal`` overrides an annotation.
-
-    Raises:
-        InputError: If two specifications give a variable different columns.
     """
     named: dict[str, str] = {}
     for spec in specs.values():
@@ -267,15 +254,7 @@ def with_columns(specs: Mapping[str, rtamt.Specification], columns: Columns) -> 
 
 
 def take_default(source: str, name: str, columns: Columns, why: str, on_topic: str = "") -> str:
-    """Return the note on a variable that has its default; raise InputError if defaults are refused.
-
-    Args:
-        source: Name of the file, for messages.
-        name: The variable.
-        columns: The options with the defaults, and with the permission to use them.
-        why: The reason for the default.
-        on_topic: The topic of a bag, such as `` of /odom``; empty for a table.
-    """
+    """Return the note on a variable that has its default; refused defaults are an error."""
     value = number(columns.starts[name])
     if columns.no_defaults and name not in columns.defaults:
         raise InputError(
@@ -283,3 +262,129 @@ def take_default(source: str, name: str, columns: Columns, why: str, on_topic: s
             f"default {value}: {why}; give --signal {name}=COLUMN, or --default {name} to take it"
         )
     return f"'{name}'{on_topic} is {value}, its default: {why}"
+
+
+class TimeColumn(NamedTuple):
+    """The columns of times.
+
+    Attributes:
+        name: The column.
+        part: A second column, with parts of seconds or dates; None without such a column.
+    """
+
+    name: str
+    part: TimePart | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of the columns."""
+        return [self.name] if self.part is None else [self.name, self.part.column]
+
+    @property
+    def label(self) -> str:
+        """The columns as ``--time`` names them."""
+        return "+".join(self.columns)
+
+
+_CLOCK_NAMES = {"time", "zeit", "uhrzeit", "heure", "hora", "ora", "tijd", "utctime", "localtime"}
+
+
+_SHORT_NAMES = {"s", "ns", "us", "ms"}
+"""Last words of names that may as well be units of other quantities."""
+
+
+def find_times(
+    recording: Recording, columns: Columns, *, read: Collection[str] = (), needed: bool = True
+) -> TimeColumn | None:
+    """Return the column of times that an option or a known name selects, or None.
+
+    A column ``time`` has priority. Other plain names come before seconds with a column of
+    nanoseconds, dates, less usual names and fields such as ``header.stamp``. A column of dates
+    completes a column ``time`` that holds times of day.
+    """
+    column = _found(recording, columns, read, needed=needed)
+    if column is not None and column.part is not None and column.part.unit and columns.time_unit:
+        raise InputError(
+            f"{recording.source}: expected --time-unit for one column of times, got the columns "
+            f"{listing(column.columns)} with their units in their names"
+        )
+    return column
+
+
+def _found(
+    recording: Recording, columns: Columns, read: Collection[str], *, needed: bool
+) -> TimeColumn | None:
+    names = [*dict.fromkeys(recording.names)]
+    if columns.time is not None:
+        return _named(recording, columns.time)
+    blank = recording.blank
+    if TIME in names:
+        return _with_date(TIME, recording)
+    plain = [name for name in names if has_plain_time_name(name) and name not in blank]
+    if plain:
+        return _with_date(_only(recording, [TimeColumn(name) for name in plain]).name, recording)
+    pairs = _second_pairs(names)
+    dates = [name for name in recording.dates if name not in blank]
+    known = [n for n in names if unit_of_times(n) is not None and n not in (*read, *blank)]
+    if len(both := [name for name in dates if name in known]) == 1:
+        return TimeColumn(both[0])
+    if len(dates) == 1 and dates[0] in recording.days and len(known) == 1:
+        return _with_date(known[0], recording)
+    if dates:
+        return _only(recording, [TimeColumn(name) for name in dates])
+    fields = {name: re.split(r"[./]", name)[-1] for name in names if name not in blank}
+    usual = [n for n, last in fields.items() if last != "t" and has_plain_time_name(last)]
+    candidates = pairs or [TimeColumn(name) for name in known]
+    if not candidates and usual:
+        return _only(recording, [TimeColumn(name) for name in usual])
+    candidates = candidates or [
+        TimeColumn(name)
+        for name, last in fields.items()
+        if name not in read and last not in (name, "t") and unit_of_times(last) is not None
+    ]
+    if not candidates or (len(candidates) > 1 and not needed):
+        return None
+    one = _only(recording, candidates)
+    return one if one.part else _with_date(one.name, recording)
+
+
+def _named(recording: Recording, name: str) -> TimeColumn:
+    """Return the column that ``--time`` names, or the two columns, as in ``secs+nsecs``."""
+    names = [*dict.fromkeys(recording.names)]
+    if name in names:
+        return TimeColumn(name)
+    first, plus, second = name.partition("+")
+    if plus and {first, second} <= {*names}:
+        units = {part: unit for _, part, unit in split_times([first, second])}
+        return TimeColumn(first, TimePart(second, units.get(second, "")))
+    raise InputError(
+        f"{recording.source}: no column '{name}', which --time names; the columns "
+        f"are {listed(names, name)}{nearest(name, names)}"
+    )
+
+
+def _only(recording: Recording, candidates: Sequence[TimeColumn]) -> TimeColumn:
+    if len(candidates) > 1:
+        labels = [candidate.label for candidate in candidates]
+        raise InputError(
+            f"{recording.source}: expected one column of times, got {listing(labels)}; choose one "
+            f"with --time {labels[0]!r}"
+        )
+    return candidates[0]
+
+
+def _with_date(name: str, recording: Recording) -> TimeColumn:
+    """Return a column of times, with the only column of dates if it may hold times of day."""
+    dates = [n for n in recording.names if "".join(name_words(n)) in DATE_NAMES]
+    if "".join(name_words(name)) in _CLOCK_NAMES and len(dates) == 1 and dates[0] != name:
+        return TimeColumn(name, TimePart(dates[0]))
+    return TimeColumn(name)
+
+
+def _second_pairs(names: Sequence[str]) -> list[TimeColumn]:
+    """Return the columns of seconds that have a column of nanoseconds or other parts of seconds."""
+    return [
+        TimeColumn(name, TimePart(part, unit))
+        for name, part, unit in split_times(names)
+        if not _SHORT_NAMES & {name_words(name)[-1], name_words(part)[-1]}
+    ]

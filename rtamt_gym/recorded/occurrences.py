@@ -1,20 +1,29 @@
-"""Occurrences on recorded traces: all violations of a requirement, as text and as a table."""
+"""Occurrences on recorded traces: all violations, as text, as a table, and as clips."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import gzip
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
+from rtamt import InputError
+from rtamt.errors import shown
 from rtamt.monitors import Occurrences, RunTable
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.recorded.judge import TraceJudgement, dense_arguments, having_unknown, viewed
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import TraceJudgement, arguments, viewed
+from rtamt_gym.recorded.parts import file_of
+from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.ruled import read_row_times
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.results.matrix import indented
 from rtamt_gym.results.trial import Trial
@@ -39,30 +48,14 @@ def occurrences_of(
     reading: EvaluationOptions,
     judgement: TraceJudgement,
 ) -> Occurrences:
-    """Return all violations of a requirement on a trace, at the times of the recording.
-
-    Args:
-        spec: The specification.
-        trace: The samples or events.
-        period: Seconds between samples; None: bounds count samples.
-        reading: How traces are judged.
-        judgement: The verdict, which decides where the trace starts.
-    """
+    """Return all violations of a requirement on a trace, at the times of the recording."""
     requirement = viewed(spec, reading.view)
     late = judgement.late_start
     beginning = late is not None and late.counted
+    signals, options = arguments(requirement, trace, period, reading, late, beginning=beginning)
     if isinstance(trace, EventTrace):
-        signals, options = dense_arguments(requirement, trace, late, reading, beginning=beginning)
         return rtamt.dense.occurrences(requirement, signals, reading.end, **options)
-    names = requirement.variables
-    samples = trace.with_beginning(names) if beginning else trace.known(names)
-    reading = having_unknown(reading.having(period=period), samples, requirement)
-    if beginning:
-        reading = reading.having(nan="unknown")
-    options = reading.from_monitors({"": requirement})[""]
-    rows = rtamt.occurrences(
-        requirement, samples.columns, end=reading.end, n=samples.samples, **options
-    )
+    rows = rtamt.occurrences(requirement, signals, end=reading.end, **options)
     return rows if period is None else rows.shifted(judgement.start)
 
 
@@ -103,10 +96,6 @@ def states_of(occurrences: Occurrences, begin: float) -> tuple[Floats, NDArray[A
 
     The state is ``violated`` if a body is violated, otherwise ``unknown`` if the trace does not
     decide a body, otherwise ``satisfied``.
-
-    Args:
-        occurrences: The occurrences.
-        begin: The start of the trace.
     """
     # A place is an instant (time, 0), or the time after it (time, 1).
     changes: dict[tuple[float, int], list[tuple[str, int]]] = {(begin, 0): []}
@@ -133,12 +122,7 @@ def states_of(occurrences: Occurrences, begin: float) -> tuple[Floats, NDArray[A
 
 
 def save_occurrences(rows: Sequence[Trial], path: Path) -> None:
-    """Write the occurrences of traces as a table, in the format of the file's extension.
-
-    Args:
-        rows: The traces.
-        path: The file, as for `rtamt_gym.recorded.output.save`.
-    """
+    """Write the occurrences of traces as a table, in the format of the file's extension."""
     from rtamt_gym.recorded.output import writer_of
 
     parts = [
@@ -188,3 +172,126 @@ def _column(table: RunTable[Any], name: str, missing: Any) -> NDArray[Any]:  # n
     if name == "verdict":
         return np.array([_VERDICTS[value] for value in known[name].tolist()], dtype=np.str_)
     return known[name].astype(np.asarray(missing).dtype)
+
+
+_TEXTS = (".csv", ".csv.gz", ".tsv", ".txt")
+
+
+class Clip(NamedTuple):
+    """A part of a recording.
+
+    Attributes:
+        name: The name of the file, without its extension.
+        begin: The first time in seconds.
+        end: The last time.
+    """
+
+    name: str
+    begin: float
+    end: float
+
+
+def check_clips(folder: Path, paths: Iterable[str]) -> None:
+    """Check that clips of traces can be written to a folder."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"--clip: expected an empty folder or a new one, got {shown(str(folder))}")
+    for path in paths:
+        if not is_bag(path) and _extension(path) not in (*_TEXTS, ".parquet"):
+            raise InputError(f"--clip: expected a CSV or Parquet file or a bag, got {shown(path)}")
+
+
+def clips_of(rows: Sequence[Trial], around: float, most: int) -> tuple[list[list[Clip]], int]:
+    """Return the clips of each trace, and the number of violations without one."""
+    clips: list[list[Clip]] = [[] for _ in rows]
+    count = total = 0
+    for row, own in zip(rows, clips, strict=True):
+        for requirement, outcome in row.outcomes.items():
+            occurrences = outcome.occurrences
+            if occurrences is None or not len(occurrences):
+                continue
+            if occurrences.unit != "s":
+                raise InputError(
+                    f"--clip: {row.name} has no times, which clips need. If a column holds "
+                    "times, name it with --time COLUMN."
+                )
+            total += len(occurrences)
+            for run in islice(occurrences, most - count):
+                count += 1
+                stem = re.sub(r"\W+", "_", f"{requirement}_{float(run.start):.6g}s")
+                name = f"{count:04d}_{stem}"
+                own.append(Clip(name, float(run.start) - around, float(run.end) + around))
+    return clips, total - count
+
+
+def write_table_clips(
+    path: str, variables: Sequence[str], columns: Columns, clips: Sequence[Clip], folder: Path
+) -> None:
+    """Write the rows of a table around violations, with all of its columns.
+
+    The rows from the first to the last row of the trace in the time of a clip are copied unchanged,
+    with the rows of other objects between them.
+    """
+    times, where = read_row_times(path, variables, columns)
+    spans: dict[Path, tuple[int, int]] = {}
+    for clip in clips:
+        near = np.flatnonzero((times >= clip.begin - _ROUNDING) & (times <= clip.end + _ROUNDING))
+        if len(near):
+            out = folder / f"{clip.name}{_extension(path)}"
+            numbers = [_number(where(row)) for row in near.tolist()]
+            spans[out] = min(numbers), max(numbers)
+    file = file_of(path)
+    if _extension(path) == ".parquet":
+        _write_parquet(file, spans)
+    else:
+        _write_text(file, columns, spans)
+
+
+_ROUNDING = 1e-9
+
+
+def _extension(path: str) -> str:
+    file = Path(file_of(path))
+    suffix = file.suffix.lower()
+    return ".csv.gz" if suffix == ".gz" and file.stem.lower().endswith(".csv") else suffix
+
+
+def _number(place: str) -> int:
+    """Return the line or row number at the end of the place of a row."""
+    return int(place.rpartition(" ")[2])
+
+
+def _write_parquet(file: str, spans: Mapping[Path, tuple[int, int]]) -> None:
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(file)
+    for out, (first, last) in spans.items():
+        pq.write_table(table.slice(first - 1, last - first + 1), out)
+
+
+def _write_text(file: str, columns: Columns, spans: Mapping[Path, tuple[int, int]]) -> None:
+    from rtamt_gym.recorded.csv_reader import CsvRecording, open_file
+
+    with open_file(file, columns) as recording:
+        above = cast("CsvRecording", recording).last_above
+    with _opened(file, "rb") as raw:
+        lines = raw.readlines()
+    if lines and lines[0].startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"--clip: {shown(file)} is UTF-16 text. Save it as UTF-8.")
+    for out, (first, last) in spans.items():
+        with _opened(str(out), "wb") as raw:
+            raw.writelines(lines[:above])
+            raw.writelines(_rows(lines, first, last))
+
+
+def _rows(lines: Sequence[bytes], first: int, last: int) -> Sequence[bytes]:
+    """Return the lines of rows."""
+    begin = first - 1
+    while begin > 0 and sum(line.count(b'"') for line in lines[begin:first]) % 2:
+        begin -= 1
+    return lines[begin:last]
+
+
+def _opened(file: str, mode: str) -> BinaryIO:
+    if file.lower().endswith(".gz"):
+        return cast("BinaryIO", gzip.open(file, mode))
+    return cast("BinaryIO", Path(file).open(mode))

@@ -1,4 +1,4 @@
-"""Writes robustness to files that can be read and judged as traces."""
+"""Writes judged traces: the report on one trace, JSON, and files of robustness."""
 
 from __future__ import annotations
 
@@ -6,22 +6,33 @@ import csv
 import gzip
 import io
 import itertools
+import json
 import os
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
+from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, Verdict
+from rtamt.errors import shown
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.names import VALUE, VARIABLE
+from rtamt_gym.recorded.parts import part_of
+from rtamt_gym.recorded.readers import format_of
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TIME
+from rtamt_gym.results.codec import document_parts, plain, plain_results, plain_trial
+from rtamt_gym.results.matrix import Matrix, indented, label, undecided_lines
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.tables import counted, number, shorten, table
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -47,12 +58,6 @@ def save(judgements: Mapping[str, TraceJudgement], path: Path, *, dense: bool) -
     For samples, the columns are the times, or the sample numbers if the period is unknown, and the
     robustness of each formula, nan before its variables are known. In dense time a row is one
     event, with its time, variable and value.
-
-    Args:
-        judgements: The judgements by name of the specification. If there are several, the name
-            precedes the names of its formulas.
-        path: The file, with an extension of `WRITERS`.
-        dense: Whether the robustness consists of events in dense time.
     """
     series = _named(judgements)
     table: dict[str, NDArray[Any]]
@@ -131,6 +136,8 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 def _pieces(table: pa.Table, rows: int) -> Iterator[memoryview]:
     """Yield the text of a table in pieces, which threads write in parallel."""
+    from concurrent.futures import ThreadPoolExecutor
+
     import pyarrow as pa
     import pyarrow.csv as pc
 
@@ -181,3 +188,167 @@ WRITERS: Mapping[str, Callable[[ColumnTable, Path], None]] = {
     ".arrow": _write_feather,
 }
 """For each extension what writes a table to such a file."""
+
+
+def report(
+    judgements: Mapping[str, TraceJudgement],
+    trace: Iterable[str],
+    notes: Iterable[str] = (),
+    reasons: Mapping[str, str] = MappingProxyType({}),
+) -> list[str]:
+    """Return the lines of judgements in words and as a table."""
+    several = len(judgements) > 1
+    rows = [("spec", "formula", "at the start", "minimum", "at", "violated from")]
+    for name, judgement in judgements.items():
+        for formula, values in judgement.series.items():
+            series = values.instants
+            least, below = series.least, series.below
+            rows.append(
+                (
+                    name if several and formula == next(iter(judgement.series)) else "",
+                    formula,
+                    judgement.text_of(float(series.values[0])),
+                    judgement.text_of(float(series.values[least])),
+                    series.at(least),
+                    "-" if below is None else series.at(below),
+                )
+            )
+    room = 80 - sum(2 + max(map(len, column)) for column in list(zip(*rows, strict=True))[2:])
+    width = max(8, (room - 2) // 2 if several else room)
+    cells = [[shorten(text, width) for text in row[:2]] + [*row[2:]] for row in rows]
+    verdicts, unknown = [], {}
+    for name, judgement in judgements.items():
+        verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
+        if name in reasons:
+            verdicts += indented(f"why: {reasons[name]}", "    ")
+        verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
+        if judgement.late_start is not None:
+            verdicts += indented(judgement.late_start.text, "    ")
+        verdicts += [line for text in judgement.asked for line in indented(text, "    ")]
+        if judgement.from_start.unknown:
+            unknown[name] = judgement.from_start.unknown
+    notes = [*notes, *_left_out(unknown, several=several)]
+    for name, judgement in judgements.items():
+        notes += filter(None, [judgement.note_of_end(name if several else "")])
+        if judgement.series and judgement.otherwise_complete:
+            of_spec = f" of {name}" if several else ""
+            notes.append(
+                f"robustness over time{of_spec} assumes that nothing follows; with --end complete "
+                f"the verdict is {judgement.otherwise_complete}"
+            )
+        late = judgement.late_start
+        if judgement.series and late is not None and late.counted:
+            of_spec = f" of {name}" if several else ""
+            notes.append(f"robustness over time{of_spec} starts at {number(late.time)} s")
+    return [
+        *verdicts,
+        *trace,
+        *(line for note in notes for line in indented(f"note: {note}", "")),
+        *(["", *table(cells, "<<>>>>")] if len(rows) > 1 else []),
+    ]
+
+
+def _left_out(unknown: Mapping[str, tuple[str, ...]], *, several: bool) -> list[str]:
+    """Return a sentence on requirements that the table omits; empty if it has all."""
+    if not unknown:
+        return []
+    of_specs = f" of {', '.join(unknown)}" if several else ""
+    names = dict.fromkeys(name for variables in unknown.values() for name in variables)
+    return [f"no robustness over time{of_specs}: values of {', '.join(names)} are not known"]
+
+
+def json_parts(
+    matrix: Matrix,
+    rules: Mapping[str, Any],
+    columns: Columns,
+    exit_code: int,
+    *,
+    least: Fraction | None = None,
+    mutants: Mapping[str, Any] | None = None,
+    groups: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
+) -> Iterator[str]:
+    """Yield the traces as a result of the kind ``"traces"``, in parts."""
+    requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
+    default = Columns()
+    options: dict[str, Any] = {
+        option.name: getattr(columns, option.name) for option in fields(columns)
+    }
+    other = {name: value for name, value in options.items() if value != getattr(default, name)}
+    trials = (
+        {
+            **plain_trial(row),
+            **(
+                {"group": {name: plain(_plain(value)) for name, value in keys.items()}}
+                if (keys := groups.get(row.name))
+                else {}
+            ),
+            "verdict": label(row.word),
+        }
+        for row in matrix.rows
+    )
+    counts = {label(word).lower(): count for word, count in matrix.counts().items()}
+    return document_parts(
+        "traces",
+        {
+            "reading": {**rules, "columns": other},
+            "verdict": label(matrix.word),
+            "exit_code": exit_code,
+            **({} if least is None else {"shorter": matrix.shorter(least)}),
+            "counts": counts,
+            "worst_requirement": requirement and requirement[0],
+            "worst_trace": trace and trace[0],
+            **({} if mutants is None else {"mutants": _mutants(mutants)}),
+            **plain_results(matrix, rates=False),
+        },
+        plain_rows=trials,
+    )
+
+
+def _plain(value: object) -> object:
+    """Return a number, a text or a truth value; a date as text."""
+    return value if isinstance(value, bool | int | float | str) else str(value)
+
+
+def _mutants(scored: Mapping[str, Any]) -> dict[str, Any]:
+    scores = {name: score.written() for name, score in scored["scores"].items()}
+    return {"least": scored["least"], "requirements": scores}
+
+
+def data_set_of(paths: Sequence[str]) -> str:
+    """Return the data set of some episodes."""
+    files: dict[str, None] = {}
+    for path in paths:
+        part = part_of(path)
+        if part is None or format_of(path).name != "LeRobot data set":
+            raise InputError(
+                f"--violated-episodes: expected episodes of a LeRobot data set, got {shown(path)}"
+            )
+        files[part.file] = None
+    if len(files) > 1:
+        raise InputError(
+            "--violated-episodes: expected one LeRobot data set, got "
+            f"{', '.join(map(shown, files))}; judge one at a time"
+        )
+    return next(iter(files))
+
+
+def violated_episodes(rows: Sequence[Trial], paths: Sequence[str]) -> tuple[str, str]:
+    """Return the indices of the violated episodes as JSON, and a summary for the report.
+
+    The list omits undecided episodes and episodes with errors; the summary counts them.
+    """
+    violated, undecided, errors = [], 0, 0
+    for row, path in zip(rows, paths, strict=True):
+        part = part_of(path)
+        verdicts = {outcome.verdict for outcome in row.outcomes.values()}
+        if Verdict.VIOLATED in verdicts and part is not None:
+            violated.append(int(part.value))
+        elif row.failures or row.error:
+            errors += 1
+        elif Verdict.UNDECIDED in verdicts:
+            undecided += 1
+    summary = f"{len(violated)} of {counted(len(rows), 'episode')}"
+    others = [f"{undecided} undecided"] * bool(undecided) + [f"{errors} with errors"] * bool(errors)
+    if others:
+        summary += f"; not in it: {' and '.join(others)}"
+    return json.dumps(sorted(violated)), summary

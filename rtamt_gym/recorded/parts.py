@@ -43,22 +43,12 @@ _NAME = re.compile(rf"(?P<file>.+)\[(?P<keys>{_KEY}(?:,{_KEY})*)\]", re.DOTALL)
 
 
 def part_name(file: str, key: str, value: str) -> str:
-    """Return the name of a trace in a file; brackets, commas and the like are percent-escaped.
-
-    Example:
-        >>> part_name("runs.hdf5", "demo", "demo_0"), part_name("runs.hdf5", "demo", "a,b")
-        ('runs.hdf5[demo=demo_0]', 'runs.hdf5[demo=a%2Cb]')
-    """
+    """Return the name of a trace in a file; brackets, commas and the like are percent-escaped."""
     return group_name(file, {key: value})
 
 
 def group_name(file: str, values: Mapping[str, str]) -> str:
-    """Return the name of a trace with several key columns.
-
-    Example:
-        >>> group_name("runs.csv", {"run": "2", "car": "a=b"})
-        'runs.csv[run=2,car=a%3Db]'
-    """
+    """Return the name of a trace with several key columns."""
     pairs = values.items()
     keys = ",".join(f"{_quoted(key)}={_quoted(text)}" for key, text in pairs)
     return f"{file}[{keys}]"
@@ -78,14 +68,7 @@ def group_names(
     groups: Iterable[tuple[str, ...]],
     chosen: Mapping[str, str],
 ) -> dict[str, tuple[str, ...]]:
-    """Return the keys of groups by the names of their traces.
-
-    Args:
-        file: The path of the file.
-        by: The key columns.
-        groups: The texts of the keys of each group.
-        chosen: The keys that choose the table in its file.
-    """
+    """Return the keys of groups by the names of their traces."""
     return {
         group_name(file, {**chosen, **dict(zip(by, keys, strict=True))}): keys for keys in groups
     }
@@ -111,12 +94,7 @@ def part_of(path: str) -> TracePart | None:
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """Return the file in the name of a trace and the rest, whether or not the file exists.
-
-    Example:
-        >>> split_name("runs/a.hdf5[demo=demo_0]"), split_name("a.csv")
-        (('runs/a.hdf5', '[demo=demo_0]'), ('a.csv', ''))
-    """
+    """Return the file in the name of a trace and the rest, whether or not the file exists."""
     match = _NAME.fullmatch(name)
     file = name if match is None else match["file"]
     return file, name[len(file) :]
@@ -147,17 +125,7 @@ def choose(
     values: Mapping[str, Mapping[str, Collection[str]]],
     where: Mapping[str, str],
 ) -> list[str]:
-    """Return the names of the traces in a file that ``--where`` selects; without it, of all.
-
-    Args:
-        file: The path of the file or folder.
-        key: The name of the key column.
-        values: Its text for each trace, with the texts that other columns have in the trace.
-        where: The text of each column that ``--where`` names.
-
-    Raises:
-        InputError: If no trace has the texts.
-    """
+    """Return the names of the traces in a file that ``--where`` selects; without it, of all."""
     chosen = [*values]
     for name, wanted in where.items():
         known = {

@@ -44,14 +44,6 @@ def draw_trace(
     are more than 12 panels, the picture shows the worst requirements, the worst first, and the
     signals that they read. It omits the formulas that they use, and lists the omitted panels in a
     line.
-
-    Args:
-        signals: The values of the variables.
-        judgements: The judgements by name of the specification; the panel of a result shows the
-            verdict.
-        title: The text above the picture.
-        reads: The variables of each specification.
-        everything: Whether to draw all panels in any case.
     """
     formulas = [(spec, name) for spec, judged in judgements.items() for name in judged.series]
     left_out = ""

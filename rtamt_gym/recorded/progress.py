@@ -31,11 +31,6 @@ def progress(title: str, total: int, unit: str) -> Iterator[Advance]:
 
     Only the outermost of nested bars is shown.
 
-    Args:
-        title: The name of the work.
-        total: The amount of work.
-        unit: The unit of the amount.
-
     Yields:
         A function to call with the amount done since its last call, and with a note to show after
         the numbers.

@@ -205,15 +205,7 @@ def format_of(path: str) -> Format:
 
 
 def traces_in(path: str, where: Mapping[str, str]) -> list[str]:
-    """Return the names of the traces in a file: its path, unless the format holds several.
-
-    Args:
-        path: The path of a file or folder.
-        where: The text of each column that ``--where`` names.
-
-    Returns:
-        The names. An unreadable file is its own name; judging it reports the error.
-    """
+    """Return the names of the traces in a file: its path, unless the format holds several."""
     try:
         row = format_of(path)
         if not row.several or part_of(path) is not None:
@@ -280,12 +272,7 @@ def open_recording(
 
 @contextmanager
 def refusing(path: str, expected: str) -> Iterator[None]:
-    """Turn the errors of a library that reads a file into InputError.
-
-    Args:
-        path: The file.
-        expected: The expected content, as in ``a whole MATLAB file``.
-    """
+    """Turn the errors of a library that reads a file into InputError."""
     try:
         yield
     except (RtamtError, ModuleNotFoundError):

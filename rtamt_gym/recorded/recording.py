@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.dates import DateOrder
+from rtamt_gym.recorded.columns import DateOrder
 from rtamt_gym.tables import counted
 
 Floats = NDArray[np.float64]
+
+RawTimes = NDArray[Any]
+"""Times as a file holds them: doubles, integers, dates (``datetime64[ns]``) or durations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,12 @@ class Wanted:
     date_order: DateOrder | None = None
     cells: Sequence[str] = ()
     where: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all of these columns, each once."""
+        times = [name for name in (self.time, self.part and self.part.column) if name is not None]
+        return [*dict.fromkeys([*self.numbers, *self.texts, *times, *self.where, *self.cells])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,16 +182,7 @@ class Recording:
 
 
 class RowFilter:
-    """A filter for rows with the texts that ``--where`` states.
-
-    Args:
-        where: The text of each column.
-        names: The columns of the file.
-        source: The name of the file, for messages.
-
-    Raises:
-        InputError: If a column does not exist.
-    """
+    """A filter for rows with the texts that ``--where`` states."""
 
     def __init__(self, where: Mapping[str, str], names: Sequence[str], source: str) -> None:
         for name in where:
@@ -225,25 +225,7 @@ class RowFilter:
 def check_one_writing(
     source: str, column: str, texts: Collection[str], value: str | None = None
 ) -> None:
-    """Check that no whole number is written in two ways, such as 7 and 7.0.
-
-    Args:
-        source: The name of the file, for messages.
-        column: The column.
-        texts: Its different texts.
-        value: The text of interest; None: all are.
-
-    Raises:
-        InputError: If a number is written in two ways.
-
-    Example:
-        >>> check_one_writing("log.csv", "id", ["7", "07", "7.5", "8.0"])
-        >>> check_one_writing("log.csv", "id", ["7", "7.0"])
-        Traceback (most recent call last):
-        ...
-        rtamt.errors.InputError: log.csv: the column 'id' has '7' and '7.0', which may be one \
-object or two. Write the number in one way.
-    """
+    """Check that no whole number is written in two ways, such as 7 and 7.0."""
     for text in texts:
         whole = _WHOLE.fullmatch(text)
         if whole is None or whole["number"] not in texts:
@@ -256,12 +238,7 @@ object or two. Write the number in one way.
 
 
 def whole_number(text: str) -> str:
-    """Return a whole number without a point, and other texts as they are.
-
-    Example:
-        >>> whole_number("7.0"), whole_number("7"), whole_number("7.5")
-        ('7', '7', '7.5')
-    """
+    """Return a whole number without a point, and other texts as they are."""
     whole = _WHOLE.fullmatch(text)
     return text if whole is None else whole["number"]
 
@@ -270,12 +247,7 @@ _WHOLE: Final = re.compile(r"(?P<number>-?\d+)\.0*")
 
 
 def cell_texts(values: NDArray[Any]) -> list[str]:
-    """Return the texts of cells that are not texts in the file: 1 and 1.0 are ``1``.
-
-    Example:
-        >>> cell_texts(np.array([1.0, 0.5, np.nan])), cell_texts(np.array([True]))
-        (['1', '0.5', ''], ['true'])
-    """
+    """Return the texts of cells that are not texts in the file: 1 and 1.0 are ``1``."""
     return [_text(value) for value in values.tolist()]
 
 

@@ -35,12 +35,11 @@ from rtamt.columns import (
     unit_of_times,
 )
 from rtamt_gym.checks.names import listed
-from rtamt_gym.recorded.cells import floats_in
+from rtamt_gym.recorded.cells import floats_in, times_of_texts
 from rtamt_gym.recorded.columns import UNITS, Columns
-from rtamt_gym.recorded.dates import times_of_texts
-from rtamt_gym.recorded.names import misspellings, misspelt_value
+from rtamt_gym.recorded.names import TimeColumn, misspellings, misspelt_value
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
-from rtamt_gym.recorded.times import TimeColumn, join_times, rises
+from rtamt_gym.recorded.times import join_times, rises
 
 
 @lru_cache(maxsize=256)
@@ -83,13 +82,31 @@ class RowTable:
         used = {*self.read, *times, *self.columns.where, *self.columns.by}
         return [name for name in dict.fromkeys(self.recording.names) if name not in used]
 
-    def check_objects(self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]]) -> None:
-        """Check that the rows belong to one object or episode.
+    @property
+    def clocks(self) -> Mapping[str, str]:
+        """The columns of times, the main one first, with a column that each belongs to.
 
-        Args:
-            rows: The rows that were read.
-            filled: The rows in which each variable has a value.
+        It is empty unless a column that is read has times of its own.
         """
+        if self.columns.time is not None or (self.time is not None and self.time.part is not None):
+            return {}
+        names = self.recording.names
+        owned = {name: own_times(name, names) for name in names if name in self.read}
+        clocks = {own: name for name, own in owned.items() if own is not None}
+        first = [] if self.time is None else [(self.time.name, "")]
+        clocks = {**dict(first), **clocks}
+        return clocks if len(clocks) > 1 else {}
+
+    def check_rows(
+        self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]], variables: Sequence[str]
+    ) -> None:
+        """Check that the rows are one trace, with one clock and one spelling of each name."""
+        self.check_objects(rows, filled)
+        self.check_clocks(rows)
+        self.check_spelling(rows, variables)
+
+    def check_objects(self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Check that the rows belong to one object or episode."""
         if self.columns.one_trace:
             return
         self._check_totals(rows)
@@ -144,10 +161,6 @@ class RowTable:
         """Check that no misspelt column has values in rows without a value of a variable.
 
         A column that has a value next to a value of the variable is another signal.
-
-        Args:
-            rows: The rows that were read.
-            variables: The variables that have a column.
         """
         near = misspellings(self.columns, variables, self.unread)
         near = [(column, name) for column, name in near if np.isnan(rows.numbers[column]).any()]
@@ -202,15 +215,9 @@ class RowTable:
 
     def check_clocks(self, rows: Rows) -> None:
         """Check that variables with columns of times of their own have the times of the rows."""
-        if self.columns.time is not None or (self.time is not None and self.time.part is not None):
-            return
-        names = self.recording.names
-        owned = {name: own_times(name, names) for name in names if name in self.read}
-        clocks = {own: name for name, own in owned.items() if own is not None}
-        main = next(iter(clocks), None) if self.time is None else self.time.name
-        if main is None or not {*clocks} - {main}:
-            return
-        cells = self._cells(rows, [*dict.fromkeys([main, *clocks])])
+        clocks = self.clocks
+        cells = self._cells(rows, [*clocks]) if clocks else {}
+        main = next(iter(clocks), "")
         for own, name in clocks.items():
             if own == main or own in self.read or _same_clock(cells.get(main), cells.get(own)):
                 continue
@@ -399,25 +406,13 @@ _STATISTICS = re.compile(r"min|max|(mini|maxi)mum|count|std([ .-]?dev)?|variance
 
 
 def names_totals(text: str) -> bool:
-    """Return whether a cell may be the name of a row of totals.
-
-    Example:
-        >>> [names_totals(text) for text in ("Grand total:", "max", "Tokyo")]
-        [True, True, False]
-    """
+    """Return whether a cell may be the name of a row of totals."""
     word = text.lower().rstrip(" :")
     return bool(_TOTALS.fullmatch(word) or _STATISTICS.fullmatch(word))
 
 
 def only_last_totals(texts: Sequence[str]) -> bool:
-    """Return whether the last cell of a column names totals, and no other cell is like it.
-
-    Example:
-        >>> only_last_totals(["Rome", "Paris", "Total"]), only_last_totals(["", "", "max"])
-        (True, True)
-        >>> only_last_totals(["low", "high", "max"]), only_last_totals(["Total", "Total"])
-        (False, False)
-    """
+    """Return whether the last cell of a column names totals, and no other cell is like it."""
     if len(texts) < 2 or not names_totals(texts[-1]) or texts[-1] in texts[:-1]:
         return False
     word = texts[-1].lower().rstrip(" :")

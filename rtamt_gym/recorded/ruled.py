@@ -13,17 +13,21 @@ from rtamt import InputError, ParseError, RtamtError
 from rtamt.errors import shown
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.names import check_recorded, long_columns, starts_of, with_columns
+from rtamt_gym.recorded.event_rows import read_events, sampled_events
+from rtamt_gym.recorded.names import (
+    check_recorded,
+    find_times,
+    long_columns,
+    starts_of,
+    with_columns,
+)
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Wanted
 from rtamt_gym.recorded.roles import has_time_bounds
 from rtamt_gym.recorded.sample_rows import read_rows, read_trace, wanted_times
-from rtamt_gym.recorded.sampling import sampled_events
-from rtamt_gym.recorded.stated_period import AsideTimes
-from rtamt_gym.recorded.times import TimeAxis, find_times
-from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.times import TimeAxis
+from rtamt_gym.recorded.trace import AsideTimes, EventTrace, Trace
 
 
 def read_ruled(
@@ -100,11 +104,6 @@ def read_row_times(
     """Return the time of each row of a trace in a table in seconds, and the place of a row.
 
     With ``wide`` these are the rows of all objects.
-
-    Args:
-        path: The trace.
-        variables: The variables that requirements read.
-        columns: How its columns are read.
     """
     row = format_of(path)
     columns = checked_columns(path, row, columns)
@@ -200,13 +199,7 @@ def _noted(trace: Trace, columns: Columns) -> Trace:
 def check_bounds(
     specs: Mapping[str, rtamt.Specification], reading: EvaluationOptions, doubt: str
 ) -> None:
-    """Raise the error about a bound that does not fit the period, with a doubt about its unit.
-
-    Args:
-        specs: The specifications.
-        reading: The evaluation options, with the period.
-        doubt: The reason why the unit of the period may be wrong; if empty, nothing is checked.
-    """
+    """Raise the error about a bound that does not fit the period, with a doubt about its unit."""
     for spec in specs.values() if doubt else ():
         try:
             rtamt.EpisodeMonitor(spec, reading.period, align=reading.align)

@@ -15,31 +15,31 @@ from rtamt.columns import median, names_objects
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
-from rtamt_gym.recorded.grid import (
-    HOLE,
-    Grid,
-    Records,
-    Resampled,
-    hole_note,
-    longest_gap,
-    resampled,
+from rtamt_gym.recorded.names import (
+    TimeColumn,
+    check_near,
+    find_times,
+    needed_columns,
+    recorded_variables,
+    take_default,
 )
-from rtamt_gym.recorded.names import check_near, needed_columns, recorded_variables, take_default
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
 from rtamt_gym.recorded.times import (
+    HOLE,
     TIME,
+    Grid,
+    Resampled,
     TimeAxis,
-    TimeColumn,
-    find_times,
     newest_first,
     one_record,
     raw_steps,
+    resampled,
     rises,
     same_as_before,
     simple,
 )
-from rtamt_gym.recorded.trace import PERIODS, PassedRows, Trace
+from rtamt_gym.recorded.trace import PERIODS, PassedRows, Records, Trace, hole_note, longest_gap
 from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import counted
 
@@ -55,15 +55,6 @@ def read_trace(
     table: bool = False,
 ) -> Trace:
     """Read samples of the variables, and their times if there is a column of times.
-
-    Args:
-        recording: The file.
-        variables: The variables that are needed.
-        columns: How the columns are read.
-        if_events: Advice for errors that rows which are events, not samples, may cause.
-        period: Seconds between samples, to ignore the times; None to use the times.
-        timed: Whether a specification has time bounds, which need times or a period.
-        table: Whether the file is one table, so that rows may belong to several objects.
 
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
@@ -93,11 +84,7 @@ def read_trace(
     rows = read_rows(recording, wanted)
     rules = RowTable(recording, columns, read, time)
     if table:
-        rules.check_objects(
-            rows, {n: ~np.isnan(column_values) for n, column_values in rows.numbers.items()}
-        )
-        rules.check_clocks(rows)
-        rules.check_spelling(rows, there)
+        rules.check_rows(rows, {n: ~np.isnan(cells) for n, cells in rows.numbers.items()}, there)
     if table and timed and time is None and period is None:
         rules.check_times(rows)
     check_valid(rows, columns)
@@ -138,15 +125,7 @@ def read_trace(
 def _axis(
     recording: Recording, rows: Rows, wanted: Wanted, columns: Columns, *, even: bool
 ) -> tuple[TimeAxis, str]:
-    """Return the times of rows, and advice if the only two rows may have a gap between them.
-
-    Args:
-        recording: The file.
-        rows: The rows.
-        wanted: The columns that were read, with a column of times.
-        columns: How they are read.
-        even: Whether the distances of times matter.
-    """
+    """Return the times of rows, and advice if the only two rows may have a gap between them."""
     times, advice = TimeAxis.of(rows, str(wanted.time), columns), ""
     if even:
         times.check_distances(rows)
@@ -238,14 +217,7 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
 
 
 def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Trace:
-    """Return the trace after the treatment of empty cells, which are nan.
-
-    Args:
-        trace: The trace.
-        columns: How its columns are read.
-        counted_rows: Whether time bounds count its rows, so that no row between them may be
-            omitted.
-    """
+    """Return the trace after the treatment of empty cells, which are nan."""
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
     if not counts:
@@ -362,12 +334,7 @@ def _on_grid(trace: Trace, columns: Columns, *, absent: Collection[str]) -> Trac
 
 
 def _passed_rows(trace: Trace, rows: NDArray[np.intp]) -> PassedRows | None:
-    """Return the rows between samples whose values differ from the samples, or None.
-
-    Args:
-        trace: All rows.
-        rows: The row of each sample, which do not decrease.
-    """
+    """Return the rows between samples whose values differ from the samples, or None."""
     sampled_rows = np.unique(rows)
     if len(sampled_rows) == trace.samples:
         return None
@@ -425,14 +392,7 @@ def _with_unknown(trace: Trace, columns: Columns) -> Trace:
 def wanted_samples(
     numbers: Sequence[str], time: TimeColumn | None, columns: Columns, if_events: str
 ) -> Wanted:
-    """Return the columns of numbers and of times to read.
-
-    Args:
-        numbers: The columns of numbers.
-        time: The columns of times; None without them.
-        columns: How the columns are read.
-        if_events: Advice for errors that rows which are events, not samples, may cause.
-    """
+    """Return the columns of numbers and of times to read."""
     empty = "; " + "; ".join(
         filter(
             None, ("give --missing unknown, or --missing hold if the value before holds", if_events)

@@ -50,14 +50,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 class TableRecording(Recording):
-    """The columns of a table in the order of its rows.
-
-    Args:
-        path: The name of the trace.
-        connection: The open file.
-        table: The name of the table.
-        columns: How columns are read.
-    """
+    """The columns of a table in the order of its rows."""
 
     def __init__(
         self, path: str, connection: sqlite3.Connection, table: str, columns: Columns
@@ -74,10 +67,7 @@ class TableRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted columns."""
-        times = [] if wanted.time is None else [wanted.time]
-        part = [] if wanted.part is None else [wanted.part.column]
-        names = [*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *times, *part]
-        names = [name for name in dict.fromkeys(names) if name in self._places]
+        names = [name for name in wanted.names if name in self._places]
         if {*names} & {*self.texts}:  # all texts are evidence of the decimal mark
             names += [name for name in self.texts if name not in names]
         names = names or [*self.names[:1]]

@@ -21,11 +21,10 @@ from rtamt_gym.checks.names import listed
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.arrays import ArrayRecording
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.grid import Grid
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TIME, TimeAxis
+from rtamt_gym.recorded.times import TIME, Grid, TimeAxis
 
 ID, OBJECT = "id", "object"
 """The columns with the name of an object, and with its kind: vehicle, person or container."""
@@ -96,15 +95,7 @@ def open_file(path: str, columns: Columns) -> Iterator[Recording]:
 
 
 class SumoRecording(Recording):
-    """The attributes of an object, and the column ``time``.
-
-    Args:
-        path: The name of the trace.
-        file: The file.
-        name: The name of the object.
-        kind: The kind of the object.
-        attributes: The attributes of objects of this kind.
-    """
+    """The attributes of an object, and the column ``time``."""
 
     def __init__(
         self, path: str, file: str, name: str, kind: str, attributes: Sequence[str]
@@ -115,11 +106,7 @@ class SumoRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted attributes of the object."""
-        times = [] if wanted.time is None else [wanted.time]
-        names = dict.fromkeys(
-            [*wanted.numbers, *wanted.texts, *wanted.cells, *wanted.where, *times]
-        )
-        stored = [name for name in names if name in self.names]
+        stored = [name for name in wanted.names if name in self.names]
         table = _table(self._file, tuple(sorted(stored or [TIME])), _stamp(self._file))
         start, count = table.rows[self._name, self._kind]
         own = slice(start, start + count)
@@ -237,13 +224,7 @@ _Row = Callable[[str, str, _Attributes], None]
 
 
 def _parse(path: str, row: _Row, times: list[str] | None = None) -> None:
-    """Call a function with the time, the kind and the attributes of each object of each step.
-
-    Args:
-        path: The file.
-        row: The function to call.
-        times: The list that receives the time of each step.
-    """
+    """Call a function with the time, the kind and the attributes of each object of each step."""
     parser = expat.ParserCreate()
     level, time = 0, ""
 

@@ -11,8 +11,7 @@ from operator import itemgetter
 from typing import Final
 
 from rtamt import InputError
-from rtamt_gym.recorded.cells import TRUTH, is_number
-from rtamt_gym.recorded.dates import read_dates
+from rtamt_gym.recorded.cells import TRUTH, is_number, read_dates
 
 TOP: Final = 200
 """The lines in which the names are searched, and from which the layout is recognised."""
@@ -64,15 +63,6 @@ def layout_of(lines: Sequence[str], separator: str | None) -> TextLayout:
 
     Lines before the names are left out only if they cannot hold the names: they are comments, or
     they have another number of cells than the rows, and a later line fits all rows below it.
-
-    Args:
-        lines: The first lines of the text.
-        separator: The character between cells; None to recognise it.
-
-    Example:
-        >>> layout = layout_of(["# recorded by logger 4", "time  x", "s  m/s", "0  1"], None)
-        >>> layout.at, layout.separator, layout.names, layout.units
-        (1, ' ', ['time', 'x'], ['s', 'm/s'])
     """
     full = [row for row, line in enumerate(lines) if line.strip()]
     if not full:
@@ -105,16 +95,7 @@ _END: Final = "\0end"
 def rows_of(
     lines: Iterable[str], separator: str, before: int = 0, source: str = "text", width: int = 0
 ) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not empty, with the number of their last line.
-
-    Args:
-        lines: The lines.
-        separator: The separator of the cells.
-        before: The number of lines above them.
-        source: The name of the file, for messages.
-        width: The number of cells in a row, if the lines go up to the end of the text. If it is
-            set, quotes that may hide rows are an error.
-    """
+    """Yield the rows that are not empty, with the number of their last line."""
     if separator == " ":
         lines = (line.strip() for line in lines)
     if width:

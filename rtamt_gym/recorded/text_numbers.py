@@ -25,8 +25,7 @@ from rtamt_gym.recorded.cells import (
     is_number,
     times_in,
 )
-from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.recording import Floats, RowNumbers, Wanted
+from rtamt_gym.recorded.recording import Floats, RawTimes, RowNumbers, Wanted
 
 _NAMES: Final = {".": "decimal point", ",": "decimal comma"}
 
@@ -64,12 +63,6 @@ class ColumnMarks:
         ungrouped: The first cell without a mark that a writer of groups would have divided.
         digits: The maximum number of digits in a cell without a mark.
         padded: Whether an open cell ends in 0, as no shortest decimal number does.
-
-    Example:
-        >>> marks = ColumnMarks()
-        >>> marks.add(TextCells(["1.250", "0.5"]), 0, brief=False)
-        >>> marks.evidence, marks.is_open
-        ({'.': MarkedCell(row=1, text='0.5')}, False)
     """
 
     certain: dict[str, MarkedCell] = field(default_factory=dict)
@@ -109,14 +102,7 @@ class ColumnMarks:
         return leading > 1 or self.digits == 3 or (self.digits > 0 and self.padded)
 
     def add(self, cells: TextCells, row: int, *, brief: bool) -> None:
-        """Add the evidence of further cells.
-
-        Args:
-            cells: The cells.
-            row: The row of the first cell.
-            brief: Whether to stop when each mark that occurs is certain. TextCells that are not
-                numbers are missed then.
-        """
+        """Add the evidence of further cells."""
         present = {mark for mark in OTHER_MARK if cells.has(mark)}
         if not present:
             self._add_unmarked(cells, row)
@@ -174,15 +160,6 @@ class TextNumbers:
     """The numbers and times in columns of text, read in blocks of rows.
 
     Cells stay texts until a cell decides the decimal mark, or the last block is read.
-
-    Args:
-        names: The columns of text of the file.
-        wanted: The columns to read; only columns of text are read.
-        option: The decimal mark that the user has stated; None to recognise it.
-        source: Name of the file, for messages.
-        where: Returns the place of a row that is read, for messages.
-        where_any: Returns the place of any row of the file.
-        plain: Returns a cell as messages show it.
     """
 
     def __init__(
@@ -215,13 +192,7 @@ class TextNumbers:
         *,
         complete: bool = False,
     ) -> None:
-        """Add the cells of further rows.
-
-        Args:
-            cells: The cells by column.
-            selected: Whether each row is read; None if all are.
-            complete: Whether these are all rows of the file.
-        """
+        """Add the cells of further rows."""
         time = self._wanted.time
         if not self._rows and time is not None and not _holds_numbers(cells[time][:1]):
             self._searched = [name for name in self._read if name != time]  # it holds dates
@@ -250,11 +221,7 @@ class TextNumbers:
     def finish(
         self, others: Callable[[], Mapping[str, TextCells]] | None = None
     ) -> Mapping[str, Floats]:
-        """Return the numbers of each column, after the last block.
-
-        Args:
-            others: Returns the columns that the blocks lack, if they must decide the mark.
-        """
+        """Return the numbers of each column, after the last block."""
         self.decimal = self._decide(others)
         self._convert(self.decimal)
         return {
@@ -263,12 +230,7 @@ class TextNumbers:
         }
 
     def times(self, cells: TextCells, days: TextCells | None = None) -> RawTimes:
-        """Return the times in the cells of the column of times that are read.
-
-        Args:
-            cells: The cells.
-            days: The dates of times of day; None without a column of dates.
-        """
+        """Return the times in the cells of the column of times that are read."""
 
         def place(row: int) -> str:
             return f"{self._where(row)}, column '{self._wanted.time}'"
@@ -382,13 +344,7 @@ def grouped_note(cell: str, decimal: str) -> str:
 
 
 def stated_mark_note(name: str, cell: str, decimal: str) -> str:
-    """Return the note that a stated mark may as well stand between groups of three digits.
-
-    Args:
-        name: The column.
-        cell: A cell of it.
-        decimal: The stated decimal mark.
-    """
+    """Return the note that a stated mark may as well stand between groups of three digits."""
     return (
         f"--decimal {decimal} reads '{cell}' as {_read(cell, decimal)}: every number of "
         f"'{name}' has three digits after the mark, as numbers in groups of three digits have"
@@ -418,16 +374,7 @@ def numbers_in_texts(
     where: Callable[[int], str],
     selected: NDArray[np.bool_] | None = None,
 ) -> tuple[Mapping[str, Floats], RawTimes | None, list[str]]:
-    """Return the numbers and times in columns of text of a table of another format, and notes.
-
-    Args:
-        texts: All columns of text of the file; an empty text is an empty cell.
-        wanted: The columns to read. Times are read if they are numbers.
-        option: As for `TextNumbers`.
-        source: As for `TextNumbers`.
-        where: As for `TextNumbers`.
-        selected: Whether each row is read; None if all are.
-    """
+    """Return the numbers and times in columns of text of a table of another format, and notes."""
     cells = {name: TextCells(column) for name, column in texts.items()}
     numbers = [name for name in wanted.numbers if name in texts]
     time = wanted.time

@@ -1,14 +1,14 @@
-"""Times of a recording: their column, the times in seconds, and one record for each instant."""
+"""Times of a recording: in seconds, as a grid with a period, and one record for each instant."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
-from typing import Any, NamedTuple
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +19,14 @@ from rtamt.columns import (
     are_days,
     calendar_unit,
     dates_of_numbers,
-    has_plain_time_name,
     hinted_unit,
     median,
     name_words,
     plausible_units,
-    split_times,
     unit_of_times,
 )
-from rtamt.errors import nearest
-from rtamt_gym.checks.names import listed, listing
-from rtamt_gym.recorded.columns import UNITS, Columns, SameTime
-from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.recording import Floats, Recording, Rows, TimePart
+from rtamt_gym.recorded.columns import NEAR, UNITS, Columns, SameTime
+from rtamt_gym.recorded.recording import Floats, RawTimes, Rows
 from rtamt_gym.tables import counted, number
 
 TIME = "time"
@@ -50,148 +45,11 @@ _COARSE, _LONG_AFTER = 10.0, (1e7, 3e8)
 """Whole numbers that are so far apart are no seconds months after a start and before any date."""
 
 
-class TimeColumn(NamedTuple):
-    """The columns of times.
-
-    Attributes:
-        name: The column.
-        part: A second column, with parts of seconds or dates; None without such a column.
-    """
-
-    name: str
-    part: TimePart | None = None
-
-    @property
-    def columns(self) -> list[str]:
-        """The names of the columns."""
-        return [self.name] if self.part is None else [self.name, self.part.column]
-
-    @property
-    def label(self) -> str:
-        """The columns as ``--time`` names them."""
-        return "+".join(self.columns)
-
-
-_CLOCK_NAMES = {"time", "zeit", "uhrzeit", "heure", "hora", "ora", "tijd", "utctime", "localtime"}
-_DATE_NAMES = {"date", "datum", "fecha", "utcdate", "localdate"}
-_SHORT_NAMES = {"s", "ns", "us", "ms"}
-"""Last words of names that may as well be units of other quantities."""
-
-
-def find_times(
-    recording: Recording, columns: Columns, *, read: Collection[str] = (), needed: bool = True
-) -> TimeColumn | None:
-    """Return the column of times that an option or a known name selects, or None.
-
-    A column ``time`` has priority. Other plain names come before seconds with a column of
-    nanoseconds, dates, less usual names and fields such as ``header.stamp``. A column of dates
-    completes a column ``time`` that holds times of day.
-
-    Args:
-        recording: The file.
-        columns: How its columns are read.
-        read: The columns that specifications read. A column of these with a less usual name does
-            not count as times.
-        needed: Whether times are needed. If so, several columns with less usual names are an error;
-            otherwise, the result is None.
-    """
-    column = _found(recording, columns, read, needed=needed)
-    if column is not None and column.part is not None and column.part.unit and columns.time_unit:
-        raise InputError(
-            f"{recording.source}: expected --time-unit for one column of times, got the columns "
-            f"{listing(column.columns)} with their units in their names"
-        )
-    return column
-
-
-def _found(
-    recording: Recording, columns: Columns, read: Collection[str], *, needed: bool
-) -> TimeColumn | None:
-    names = [*dict.fromkeys(recording.names)]
-    if columns.time is not None:
-        return _named(recording, columns.time)
-    blank = recording.blank
-    if TIME in names:
-        return _with_date(TIME, recording)
-    plain = [name for name in names if has_plain_time_name(name) and name not in blank]
-    if plain:
-        return _with_date(_only(recording, [TimeColumn(name) for name in plain]).name, recording)
-    pairs = _second_pairs(names)
-    dates = [name for name in recording.dates if name not in blank]
-    known = [n for n in names if unit_of_times(n) is not None and n not in (*read, *blank)]
-    if len(both := [name for name in dates if name in known]) == 1:
-        return TimeColumn(both[0])
-    if len(dates) == 1 and dates[0] in recording.days and len(known) == 1:
-        return _with_date(known[0], recording)
-    if dates:
-        return _only(recording, [TimeColumn(name) for name in dates])
-    fields = {name: re.split(r"[./]", name)[-1] for name in names if name not in blank}
-    usual = [n for n, last in fields.items() if last != "t" and has_plain_time_name(last)]
-    candidates = pairs or [TimeColumn(name) for name in known]
-    if not candidates and usual:
-        return _only(recording, [TimeColumn(name) for name in usual])
-    candidates = candidates or [
-        TimeColumn(name)
-        for name, last in fields.items()
-        if name not in read and last not in (name, "t") and unit_of_times(last) is not None
-    ]
-    if not candidates or (len(candidates) > 1 and not needed):
-        return None
-    one = _only(recording, candidates)
-    return one if one.part else _with_date(one.name, recording)
-
-
-def _named(recording: Recording, name: str) -> TimeColumn:
-    """Return the column that ``--time`` names, or the two columns, as in ``secs+nsecs``."""
-    names = [*dict.fromkeys(recording.names)]
-    if name in names:
-        return TimeColumn(name)
-    first, plus, second = name.partition("+")
-    if plus and {first, second} <= {*names}:
-        units = {part: unit for _, part, unit in split_times([first, second])}
-        return TimeColumn(first, TimePart(second, units.get(second, "")))
-    raise InputError(
-        f"{recording.source}: no column '{name}', which --time names; the columns "
-        f"are {listed(names, name)}{nearest(name, names)}"
-    )
-
-
-def _only(recording: Recording, candidates: Sequence[TimeColumn]) -> TimeColumn:
-    if len(candidates) > 1:
-        labels = [candidate.label for candidate in candidates]
-        raise InputError(
-            f"{recording.source}: expected one column of times, got {listing(labels)}; choose one "
-            f"with --time {labels[0]!r}"
-        )
-    return candidates[0]
-
-
-def _with_date(name: str, recording: Recording) -> TimeColumn:
-    """Return a column of times, with the only column of dates if it may hold times of day."""
-    dates = [n for n in recording.names if "".join(name_words(n)) in _DATE_NAMES]
-    if "".join(name_words(name)) in _CLOCK_NAMES and len(dates) == 1 and dates[0] != name:
-        return TimeColumn(name, TimePart(dates[0]))
-    return TimeColumn(name)
-
-
-def _second_pairs(names: Sequence[str]) -> list[TimeColumn]:
-    """Return the columns of seconds that have a column of nanoseconds or other parts of seconds."""
-    return [
-        TimeColumn(name, TimePart(part, unit))
-        for name, part, unit in split_times(names)
-        if not _SHORT_NAMES & {name_words(name)[-1], name_words(part)[-1]}
-    ]
+DATE_NAMES = {"date", "datum", "fecha", "utcdate", "localdate"}
 
 
 def join_times(times: RawTimes, part: RawTimes, unit: str, where: Callable[[int], str]) -> RawTimes:
-    """Return seconds with parts of seconds as whole nanoseconds.
-
-    Args:
-        times: Whole seconds.
-        part: The parts.
-        unit: The unit of the parts.
-        where: Returns the place of a row, for messages.
-    """
+    """Return seconds with parts of seconds as whole nanoseconds."""
     seconds = times.astype(np.int64)
     parts = part.astype(np.int64)
     most = UNITS["s"] // UNITS[unit]
@@ -252,7 +110,7 @@ class TimeAxis:
             )
         unit_name, decided = stated_unit(column, rows.unit, columns), ""
         if not unit_name and (dates := dates_of_numbers(raw)) is not None:
-            if not {*name_words(column)} & _DATE_NAMES:
+            if not {*name_words(column)} & DATE_NAMES:
                 shown = dates[0].astype("datetime64[s]")
                 raise InputError(
                     f"{rows.where(0)}, column '{column}': {int(raw[0])} may be a date without "
@@ -332,13 +190,7 @@ class TimeAxis:
         rows: NDArray[np.intp] | None = None,
         subject: str = "",
     ) -> None:
-        """Check that times do not decrease; times may repeat.
-
-        Args:
-            where: Returns the place of a row, for messages.
-            rows: The rows that count; None: all do.
-            subject: The owner of the times, such as `` of 'x'``.
-        """
+        """Check that times do not decrease; times may repeat."""
         since = self.since if rows is None else self.since[rows]
         with np.errstate(over="ignore"):
             back = np.diff(since) < 0
@@ -376,9 +228,6 @@ class TimeAxis:
 
         Times of an unstated unit may be milliseconds if they are at least 1 apart, and are whole
         numbers or have nearly even steps. The text is empty if there is nothing to note.
-
-        Args:
-            length: The length of the whole trace in seconds; the times may be only its first times.
         """
         if self.decided:
             usual = median(np.abs(np.diff(self.since)))
@@ -410,13 +259,7 @@ class TimeAxis:
 
 
 def stated_unit(column: str, unit: str, columns: Columns) -> str:
-    """Return the unit of times that an option, the format or the name of the column states.
-
-    Args:
-        column: The name of the column.
-        unit: The unit that the format states; empty if it states none.
-        columns: The options of columns.
-    """
+    """Return the unit of times that an option, the format or the name of the column states."""
     named = unit_of_times(column) or unit_of_times(re.split(r"[./]", column)[-1])
     return columns.time_unit or unit or named or hinted_unit(column) or ""
 
@@ -508,10 +351,6 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
 
     Integers and dates are one instant if they are equal. Floating-point times are one instant if
     they differ by at most one unit in the last place, as in clocks that count k * 0.01.
-
-    Example:
-        >>> same_as_before(np.array([0.3, 0.1 + 0.2, 0.4])).tolist()
-        [True, False]
     """
     before, after = times[:-1], times[1:]
     if times.dtype.kind != "f":
@@ -522,12 +361,7 @@ def same_as_before(times: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def check_rising(times: Floats, subject: str) -> None:
-    """Raise InputError if times decrease.
-
-    Args:
-        times: The times in the order of the file.
-        subject: The file and the signal, for messages.
-    """
+    """Raise InputError if times decrease."""
     back = (np.diff(times) < 0) & ~same_as_before(times)
     if back.any():
         index = int(back.argmax())
@@ -546,24 +380,9 @@ def one_record(
 ) -> tuple[NDArray[np.intp], str]:
     """Keep one record of a signal for each instant.
 
-    Args:
-        times: The times of the records, shape (n,), which do not decrease.
-        values: The values, shape (n,); nan stands for a record without a number.
-        choice: Which record counts if records of one instant differ; None: such records are an
-            error.
-        subject: The file and the signal, for messages.
-        seconds: The times in seconds, shape (n,); None: the times are seconds.
-
     Returns:
         The indices of the records to keep, and a note on omitted records that differ; empty without
         such records.
-
-    Example:
-        >>> times, values = np.array([0.0, 1.0, 1.0]), np.array([5.0, 3.0, 3.0])
-        >>> one_record(times, values, None, "log.mf4, 'a'")
-        (array([0, 1]), '')
-        >>> one_record(times, np.array([5.0, 3.0, -3.0]), "last", "log.mf4, 'a'")
-        (array([0, 2]), "log.mf4, 'a': the last of 2 different records at 1 s counts")
     """
     same = same_as_before(times)
     if not same.any():
@@ -607,3 +426,150 @@ def common_instants(columns: list[Floats]) -> Floats:
 
 def _text(seconds: float) -> str:
     return f"{seconds:.9g}"
+
+
+_DRIFT = 0.01
+"""The part by which every step may differ from the usual one, however far a slow clock drifts."""
+
+_FINEST, _MANY = 100, 1_000_000
+"""The most samples for each row that resampling makes, and how many it makes of any trace."""
+
+HOLE = 1.75
+"""A step of so many usual ones and more is one over samples that are not there."""
+
+
+class Grid:
+    """Even distances that fit the times of two or more samples."""
+
+    def __init__(self, times: TimeAxis, jitter: float | None) -> None:
+        self.jitter = NEAR if jitter is None else jitter
+        since = times.since
+        with np.errstate(over="ignore"):  # callers refuse infinite steps
+            self.steps = np.diff(since)
+        self._exact = times.step
+        self.usual = median(self.steps) if times.step is None else float(times.step)
+        """The distance that the format states, or the median of the distances."""
+        self._precision = 2 * times.precision
+        self._since = since
+        self.slope = self.usual if self._exact else float(since[-1]) / (len(since) - 1)
+        """The distance of the grid's points."""
+        if self._exact is None and self.rises and np.isfinite(self.slope) and not self.even:
+            self.slope = self._nearest_slope()
+            del self.even  # it depends on the slope
+
+    def _nearest_slope(self) -> float:
+        """Return the step of the grid that is nearest to the samples.
+
+        The spread of the distances is a convex function of the step, so a search finds its minimum.
+        """
+        room = 2 * self.jitter / len(self.steps) + 1e-12
+        low, high = self.slope * (1 - room), self.slope * (1 + room)
+        for _ in range(40):
+            third = (high - low) / 3
+            if self._spread(low + third) <= self._spread(high - third):
+                high -= third
+            else:
+                low += third
+        return (low + high) / 2
+
+    def _spread(self, slope: float) -> float:
+        """Return the spread of the distances from the samples to a grid with this step."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = self._since - np.arange(len(self._since)) * slope
+            return float(off.max() - off.min())
+
+    @cached_property
+    def rises(self) -> bool:
+        """Whether the times increase."""
+        return bool((self.steps > 0).all())
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether the samples count as on the grid."""
+        if not (self.rises and np.isfinite(self.slope)):
+            return False
+        near = self._spread(self.slope) <= 2 * self.jitter * self.slope + self._precision
+        drifts = np.abs(self.steps - self.usual) <= _DRIFT * self.usual + self._precision
+        return near or bool(drifts.all())
+
+    @property
+    def even_between_holes(self) -> bool:
+        """Whether the samples are even, apart from steps over missing samples."""
+        if not self.rises or not np.isfinite(self.slope):
+            return False
+        off = np.abs(self.steps - self.usual)
+        near = off <= 2 * self.jitter * self.usual + self._precision
+        return bool((near | (self.steps >= HOLE * self.usual)).all())
+
+    @property
+    def fitted(self) -> Fraction:
+        """The distance of samples between holes, as simple as their rounding allows."""
+        if self._exact is not None:
+            return self._exact
+        steps = self.steps[self.steps < HOLE * self.usual]
+        blur = (self._precision + float(steps.max() - steps.min())) / len(steps)
+        slope = float(steps.mean())
+        return simple(slope, max(1e-9 * slope, blur))
+
+    @property
+    def odd(self) -> int:
+        """The index of the first step that two samples near the grid do not explain.
+
+        Without such a step, the index of the step that is farthest from the usual step.
+        """
+        if self.usual <= 0:
+            return int((self.steps <= 0).argmax())
+        away = np.abs(self.steps - self.usual)
+        away[self.steps <= 0] = np.inf
+        odd = away > 2 * self.jitter * self.usual
+        return int(odd.argmax() if odd.any() else away.argmax())
+
+    @property
+    def period(self) -> Fraction:
+        """The distance, exact or as simple as the rounding of the times and their jitter allow."""
+        if self._exact is not None:
+            return self._exact
+        blur = (self._precision + 2 * self._spread(self.slope)) / len(self.steps)
+        return simple(self.slope, max(1e-9 * self.slope, blur))
+
+
+@dataclass(frozen=True, slots=True)
+class Resampled:
+    """Samples on a grid, each with the values of the last row at or before it.
+
+    Attributes:
+        rows: The row of each sample.
+        period: Seconds between the samples.
+        held: Whether each sample is later than its row by more than the jitter.
+        off: The number of rows that lay off the grid.
+        gap: The longest distance of two rows, in seconds.
+        at: The row before that distance.
+    """
+
+    rows: NDArray[np.intp]
+    period: Fraction
+    held: NDArray[np.bool_]
+    off: int
+    gap: float
+    at: int
+
+
+def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
+    """Resample by holding values, every usual step from the first row to the last.
+
+    A row that is later than a sample by no more than the jitter counts as on it. Return None if
+    there would be more than a hundred samples for every row, and more than a million.
+    """
+    fits = grid.even_between_holes
+    period = grid.fitted if fits else simple(grid.usual, 0.01 * grid.usual)
+    near = grid.jitter * grid.usual
+    count = int((float(times.since[-1]) + near) / period) + 1
+    if count > max(_FINEST * len(times.since), _MANY):
+        return None
+    samples = np.arange(count) * period.numerator / period.denominator
+    rows = np.searchsorted(times.since, samples + near, side="right") - 1
+    places = times.since / float(period)
+    off = int((np.abs(places - np.rint(places)) > grid.jitter + 1e-9).sum())
+    index = int(grid.steps.argmax())
+    held = samples - times.since[rows] > near
+    return Resampled(rows, period, held, off, float(grid.steps[index]), index)

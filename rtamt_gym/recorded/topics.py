@@ -32,14 +32,6 @@ class TopicRecording(Recording):
     A field is called ``topic.field``; ``topic.0.field`` is the field of the first instance of a
     topic. Times are seconds since the start of the autopilot. If a field has no value at a time of
     another field, its cell is empty; nan is a record without a number.
-
-    Args:
-        source: The name of the file, for messages.
-        fields: The fields by name.
-        lines: The microseconds of the records of each topic.
-        notes: Sentences to print about the log.
-        same_time: Which of several different records of a field at one time counts; None: the last
-            record.
     """
 
     def __init__(
@@ -107,22 +99,14 @@ def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 
 def cut_note(last: float) -> str:
-    """Return the note on a log that ends within a message.
-
-    Args:
-        last: The last time before the end, in seconds.
-    """
+    """Return the note on a log that ends within a message."""
     return f"the log ends within a message, after {number(last)} s; what came before is read"
 
 
 def named_fields(
     topics: Mapping[str, Mapping[int, Mapping[str, TopicField]]],
 ) -> dict[str, TopicField]:
-    """Return the fields of topics by name.
-
-    Args:
-        topics: The fields of each topic and instance number.
-    """
+    """Return the fields of topics by name."""
     return {shown(name): field for name, field in _named(topics)}
 
 

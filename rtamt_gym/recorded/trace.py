@@ -1,4 +1,4 @@
-"""Traces of the variables that specifications read: samples, or events at any time."""
+"""Traces of the variables that specifications read, samples or events, and their gaps."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError
+from rtamt.columns import median
 from rtamt_gym.recorded.columns import NEAR
-from rtamt_gym.recorded.grid import (
-    Grid,
-)
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.times import TimeAxis
+from rtamt_gym.recorded.times import Grid, TimeAxis
 from rtamt_gym.results.extent import Extent, Gap, LateStart
-from rtamt_gym.tables import number, time_text
+from rtamt_gym.tables import counted, number, time_text
 
 _NOW = 0, ""
 """From when on no variable is known."""
@@ -148,12 +146,7 @@ class Trace:
         return 0.0 if self.times is None else self.times.start
 
     def period(self, *, timed: bool = False) -> Fraction | None:
-        """Return the seconds between samples; None without times, or with one sample only.
-
-        Args:
-            timed: Whether a formula has time bounds. Errors then do not suggest ignoring the times,
-                because that moves samples into and out of windows.
-        """
+        """Return the seconds between samples; None without times, or with one sample only."""
         if self.times is None or self.samples < 2:
             return None
         times, grid = self.times, self.grid or Grid(self.times, self.jitter)
@@ -285,12 +278,6 @@ def held(
 
     The event has the last value of the variable, or nan, which is unknown, if it comes more than
     ``max_gap`` after the last event.
-
-    Args:
-        signals: Times and values of the events of each variable.
-        end: The last time of the recording in seconds.
-        max_gap: The longest time in seconds for which a value holds; None: any.
-        absent: The variables without an event, whose default holds for any time.
     """
     completed = {}
     for name, (times, values) in signals.items():
@@ -365,3 +352,151 @@ def _either(remedies: Sequence[str]) -> str:
     """Return the remedies as a list in words."""
     *others, last = remedies
     return f"{', '.join(others)}{',' * (len(others) > 1)} or {last}" if others else last
+
+
+@dataclass(frozen=True, slots=True)
+class AsideTimes:
+    """The distances of rows in seconds, next to a stated period.
+
+    Attributes:
+        usual: The median distance.
+        smallest: The smallest distance.
+        largest: The largest distance.
+        place: The row before the first largest distance.
+        length: The time from the first row to the last.
+    """
+
+    usual: float
+    smallest: float
+    largest: float
+    place: str
+    length: float
+
+    @classmethod
+    def of(cls, trace: Trace) -> AsideTimes | None:
+        """Return the distances of a trace; None without two times."""
+        grid, times = trace.grid, trace.times
+        if grid is None or times is None:
+            return None
+        at = int(grid.steps.argmax())
+        least, most = float(grid.steps.min()), float(grid.steps[at])
+        return cls(grid.usual, least, most, trace.where(at), float(times.since[-1]))
+
+    def meant(self, period: Fraction) -> str:
+        """Return a question if a period in seconds equals the distances in milliseconds."""
+        if self.smallest <= 0:
+            return ""
+        for unit, factor in (("ms", 10**3), ("us", 10**6)):
+            if abs(self.usual * factor - float(period)) <= NEAR * float(period):
+                return (
+                    f"--period without a unit is in seconds; did you mean --period {period}{unit}?"
+                )
+        return ""
+
+    def note(self, column: str, period: Fraction, samples: int) -> str:
+        """Return the note on times that differ from the period; empty if they fit."""
+        wanted, description = float(period), "in an order that does not increase"
+        if self.smallest > 0:
+            if max(self.largest - wanted, wanted - self.smallest) <= NEAR * wanted:
+                return ""
+            description = f"{number(self.usual)} s apart most of the time"
+            if self.largest > 2 * self.usual:
+                description += f", {number(self.largest)} s after {self.place}"
+        note = (
+            f"--period leaves the column '{column}' aside, which has the rows {description}: "
+            f"{number(self.length)} s in all, not {number(float((samples - 1) * period))} s"
+        )
+        meant = self.meant(period)
+        return f"{note}; {meant}" if meant else note
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """When a variable was recorded.
+
+    Attributes:
+        times: The times, which increase; the last may be the end of the trace.
+        steps: The distances of neighbours.
+        usual: The median distance; None until it is computed.
+    """
+
+    times: Floats
+    steps: Floats
+    usual: float | None = None
+
+    @staticmethod
+    def of(times: Floats) -> Records:
+        """Return the records at some times."""
+        with np.errstate(over="ignore"):  # rtamt refuses times so far apart
+            return Records(times, np.diff(times))
+
+    def measured(self) -> Records:
+        """Return the same records, with the median of their distances if there are two."""
+        usual = median(self.steps) if len(self.steps) else None
+        return replace(self, usual=usual)
+
+
+def longest_gap(records: Mapping[str, Records], start: float = 0.0) -> Gap | None:
+    """Return the longest time between two records of one variable, or None without two records.
+
+    If several gaps are equally long, return the gap with the most usual steps.
+    """
+    longest: dict[int, tuple[float, float, Records, list[str]]] = {}
+    for name, record in records.items():
+        if not len(record.steps):
+            continue
+        if id(record) not in longest:
+            index = int(record.steps.argmax())
+            longest[id(record)] = (
+                float(record.steps[index]),
+                float(record.times[index]) + start,
+                record,
+                [],
+            )
+        longest[id(record)][3].append(name)
+    if not longest:
+        return None
+    most = max(seconds for seconds, *_ in longest.values())
+    longest_records = [record for record in longest.values() if record[0] == most]
+    usuals = [_usual(record) for _, _, record, _ in longest_records]
+    best = int(np.argmin(usuals))
+    seconds, begin, _, _ = longest_records[best]
+    names = [name for _, other, _, names in longest_records if other == begin for name in names]
+    variables = "" if len(names) == len(records) else ", ".join(names)
+    return Gap(seconds, begin, usuals[best], variables)
+
+
+def _usual(records: Records) -> float:
+    return median(records.steps) if records.usual is None else records.usual
+
+
+def hole_note(records: Mapping[str, Records], most: float, start: float = 0.0) -> str:
+    """Return the note on times without records, where variables are unknown; empty if none."""
+    texts: dict[str, list[str]] = {}
+    for name, record in records.items():
+        # Times since 1970 in doubles are rounded to 0.24 us, and so are their steps.
+        rounded = 2 * np.spacing(np.abs(record.times).max(initial=0.0))
+        (holes,) = np.nonzero(record.steps > most + rounded)
+        if not len(holes):
+            continue
+        longest = int(holes[record.steps[holes].argmax()])
+        length = f"{number(float(record.steps[longest]))} s"
+        after = f"after {time_text(float(record.times[longest]) + start, most)}"
+        words = f"a hole of {length} {after}"
+        if len(holes) > 1:
+            words = f"{counted(len(holes), 'hole')}, the longest of {length} {after}"
+        texts.setdefault(words, []).append(name)
+    if not texts:
+        return ""
+    each_said = [
+        words if _all(names, records) else f"{', '.join(names)}: {words}"
+        for words, names in texts.items()
+    ]
+    return (
+        f"values are unknown where nothing was recorded for more than {number(most)} s "
+        f"({'; '.join(each_said)})"
+    )
+
+
+def _all(names: Sequence[str], records: Mapping[str, Records]) -> bool:
+    return len(names) == len(records)

@@ -14,8 +14,9 @@ from rtamt.columns import may_tell_objects, objects_in
 from rtamt.errors import no_such
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.names import find_times
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
-from rtamt_gym.recorded.times import TIME, find_times, same_as_before
+from rtamt_gym.recorded.times import TIME, same_as_before
 
 
 class WideRecording(Recording):
@@ -23,11 +24,6 @@ class WideRecording(Recording):
 
     A row for each time has the values of all objects. The cells of an absent object are empty, and
     marked as records without a number, so that earlier values do not hold.
-
-    Args:
-        recording: The table, with a row per object and time.
-        columns: How its columns are read; ``wide`` names the column of objects.
-        as_text: Whether the objects are the text of the file, as in CSV.
     """
 
     def __init__(self, recording: Recording, columns: Columns, *, as_text: bool) -> None:
@@ -177,14 +173,6 @@ def find_instants(
 
     Floating-point times are one instant if they differ by at most one unit in the last place, or a
     billionth of a step, as sums of steps do.
-
-    Args:
-        times: The time of each row in the order of the file, shape (n,).
-        step: The smallest step of an object, in the unit of the times.
-
-    Example:
-        >>> [values.tolist() for values in find_instants(np.array([0.3, 0.1, 0.1 + 0.2]))]
-        [[0.1, 0.3], [1, 0], [1, 0, 1]]
     """
     order = np.argsort(times, kind="stable")
     same = same_as_before(times[order])

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.recorded.columns import NEAR, Columns
-from rtamt_gym.recorded.dates import RawTimes
-from rtamt_gym.recorded.recording import Floats, Rows
+from rtamt_gym.recorded.recording import Floats, RawTimes, Rows
 from rtamt_gym.recorded.times import TimeAxis, in_seconds
 from rtamt_gym.recorded.trace import Trace
 

@@ -13,10 +13,9 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt.typing import End, NanPolicy
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.names import take_default
-from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.recording import Floats, RawTimes
 from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number

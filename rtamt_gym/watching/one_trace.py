@@ -20,7 +20,7 @@ from rtamt.columns import (
     turns_in,
 )
 from rtamt_gym.recorded.cells import floats_in
-from rtamt_gym.recorded.dates import RawTimes
+from rtamt_gym.recorded.recording import RawTimes
 from rtamt_gym.recorded.roles import are_even, has_footer, names_totals, only_last_totals
 from rtamt_gym.watching.clock import plain_times
 from rtamt_gym.watching.rows import ColumnCells, RowFault, cell_text

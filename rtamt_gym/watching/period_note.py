@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from rtamt_gym.recorded.grid import HOLE
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.stated_period import AsideTimes
+from rtamt_gym.recorded.times import HOLE
+from rtamt_gym.recorded.trace import AsideTimes
 from rtamt_gym.tables import number
 
 _MOST: Final = 10_000

@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
-from rtamt_gym.recorded.dates import DateOrder, read_dates
+from rtamt_gym.recorded.cells import read_dates
+from rtamt_gym.recorded.columns import DateOrder
 from rtamt_gym.watching.rows import ColumnCells, RowFault
 
 _NO_ORDER: Final = re.compile(r"\d{1,2}([/-])\d{1,2}\1\d{4}", re.ASCII)

@@ -23,24 +23,26 @@ from rtamt_gym.recorded.cells import (
     TextCells,
     floats_in,
     is_number,
+    read_dates,
     times_in,
 )
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.dates import RawTimes, read_dates
 from rtamt_gym.recorded.names import (
+    TimeColumn,
     are_long,
     check_near,
     check_recorded,
+    find_times,
     misspellings,
     misspelt_value,
     needed_columns,
     recorded_variables,
     take_default,
 )
-from rtamt_gym.recorded.recording import Floats, Recording
+from rtamt_gym.recorded.recording import Floats, RawTimes, Recording
 from rtamt_gym.recorded.roles import has_time_bounds, names_totals
 from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, grouped_note, stated_mark_note
-from rtamt_gym.recorded.times import TimeColumn, find_times, join_times
+from rtamt_gym.recorded.times import join_times
 from rtamt_gym.watching.group_names import GroupNames
 from rtamt_gym.watching.one_trace import Guard, guards_of, totals_fault
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text

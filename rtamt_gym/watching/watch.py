@@ -13,8 +13,8 @@ from rtamt import InputError
 from rtamt.errors import shown
 from rtamt.typing import End
 from rtamt_gym.recorded.csv_reader import unit_below
-from rtamt_gym.recorded.dates import RawTimes
 from rtamt_gym.recorded.names import starts_of
+from rtamt_gym.recorded.recording import RawTimes
 from rtamt_gym.results.extent import short_text
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.warnings import VerdictWarning, exit_code

@@ -16,7 +16,7 @@ from profiles import examples
 import rtamt
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import judge, judge_events
+from rtamt_gym.recorded.judge import judge
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -120,7 +120,7 @@ def test_events_hold_to_bag_end(extension: str, commands: Events, speeds: Events
     assert {
         n: list(zip(*map(np.ndarray.tolist, e), strict=True)) for n, e in trace.signals.items()
     } == signals
-    whole = judge_events(SPEC, trace, rules)
+    whole = judge(SPEC, trace, None, rules)
     expected = rtamt.dense.judge(SPEC, signals, "cut")
     assert (whole.verdict, whole.found.robustness) == (expected.verdict, expected.robustness)
 
@@ -169,7 +169,7 @@ def test_requirements_start_with_their_topics(tmp_path: Path) -> None:
     assert (alone.start, alone.samples, alone.known_from) == (0.0, 40, {SPEED: 21})
     dense, _ = read_ruled(path, specs, EvaluationOptions(dense=True), Columns())
     assert isinstance(dense, EventTrace)
-    events = {name: judge_events(spec, dense, rules).verdict for name, spec in specs.items()}
+    events = {name: judge(spec, dense, None, rules).verdict for name, spec in specs.items()}
     assert events == {name: each.verdict for name, each in found.items()}
     coarse = EvaluationOptions(period=Fraction(3))
     trace, period = read_ruled(path, specs, coarse, Columns())

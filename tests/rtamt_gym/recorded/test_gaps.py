@@ -22,7 +22,7 @@ from rtamt import InputError
 from rtamt_gym import EvaluationOptions, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, read_seconds
-from rtamt_gym.recorded.judge import extent_of, judge, judge_events
+from rtamt_gym.recorded.judge import extent_of, judge
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -370,7 +370,7 @@ def test_dense_hole_fillings_stay_within_bounds(
         columns = Columns(max_gap=Fraction(1, 2))
         trace, _ = read_ruled(path, {"": spec}, EvaluationOptions(dense=True), columns)
     assert isinstance(trace, EventTrace)
-    found = judge_events(spec, trace, EvaluationOptions(dense=True, end=end)).found
+    found = judge(spec, trace, None, EvaluationOptions(dense=True, end=end)).found
     for _ in range(3):
         drawn = {k: data.draw(st.tuples(cell, cell)) for k in sorted(removed)}
         filled = {

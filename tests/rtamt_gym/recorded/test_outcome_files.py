@@ -17,7 +17,7 @@ import rtamt
 from rtamt import Verdict
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.outcomes_json import json_parts
+from rtamt_gym.recorded.output import json_parts
 from rtamt_gym.results.ci_outcomes import junit_parts, to_markdown
 from rtamt_gym.results.matrix import Matrix
 from rtamt_gym.results.outcome import Failure, Outcome

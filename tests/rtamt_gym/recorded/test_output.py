@@ -10,7 +10,7 @@ import rtamt
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import output
-from rtamt_gym.recorded.judge import judge, judge_events, signals_of
+from rtamt_gym.recorded.judge import judge, signals_of
 from rtamt_gym.recorded.output import WRITERS, save
 from rtamt_gym.recorded.plot import draw_trace
 from rtamt_gym.recorded.readers import open_recording
@@ -67,7 +67,7 @@ def test_events_are_written_in_time_order(
     x = times, np.nan_to_num(X, posinf=9, neginf=-9)
     events = EventTrace("made", {"x": x}, (times[0], times[-1]), len(times))
     judgements = {
-        name: judge_events(s, events, EvaluationOptions(dense=True)) for name, s in SPECS.items()
+        name: judge(s, events, None, EvaluationOptions(dense=True)) for name, s in SPECS.items()
     }
     save(judgements, path, dense=True)
     with open_recording(str(path)) as recording:

@@ -21,7 +21,7 @@ from rtamt import Verdict
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import TraceJudgement, judge, judge_events, noticed
+from rtamt_gym.recorded.judge import TraceJudgement, judge, noticed
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
 
@@ -120,7 +120,7 @@ def read(path: Path, spec: rtamt.Specification, columns: Columns) -> EventTrace:
 
 def judged(path: Path, text: str, columns: Columns | None = None) -> TraceJudgement:
     spec = rtamt.parse(text)
-    return judge_events(spec, read(path, spec, columns or Columns()), EvaluationOptions(dense=True))
+    return judge(spec, read(path, spec, columns or Columns()), None, EvaluationOptions(dense=True))
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_other_requirements_keep_their_own_start(tmp_path: Path) -> None:
     trace, _ = read_ruled(str(path), specs, EvaluationOptions(dense=True), Columns())
     assert isinstance(trace, EventTrace)
     found = {
-        name: judge_events(spec, trace, EvaluationOptions(dense=True))
+        name: judge(spec, trace, None, EvaluationOptions(dense=True))
         for name, spec in specs.items()
     }
     assert [each.late_start and each.late_start.text for each in found.values()] == [
@@ -314,4 +314,4 @@ def test_stamps_of_unread_topics_extend_a_recording(ending: str, tmp_path: Path)
         # The other clock, 1,010 s behind, is left aside.
         assert trace.span == (0.0, end)
         expected = Verdict.SATISFIED if end > 4 else Verdict.UNDECIDED
-        assert judge_events(spec, trace, rules).verdict is expected
+        assert judge(spec, trace, None, rules).verdict is expected

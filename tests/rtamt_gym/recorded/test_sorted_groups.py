@@ -21,7 +21,7 @@ from object_tables import HABITS, OPTIONS, SPECS, group
 from profiles import examples
 
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded import sorted_groups
+from rtamt_gym.recorded import groups as tables
 
 Output = pytest.CaptureFixture[str]
 
@@ -66,7 +66,7 @@ def test_parts_equal_the_table_in_memory(
     keys = [word for name in by for word in ("--by", name)]
     arguments = [*sorted(specs), *options, *keys, *where, "--", str(file)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sorted_groups, "PART_ROWS", rows_of_part)
+        patch.setattr(tables, "PART_ROWS", rows_of_part)
         parts = result(["--sorted", *arguments])
     assert parts == result(arguments)
 
@@ -109,8 +109,8 @@ PEAK = """
 import sys, tracemalloc
 import pyarrow as pa
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded import sorted_groups
-sorted_groups.PART_ROWS = 10_000
+from rtamt_gym.recorded import groups as tables
+tables.PART_ROWS = 10_000
 import rtamt_gym.commands.judging, rtamt_gym.recorded.arrow_reader, rtamt_gym.commands.group_judging
 tracemalloc.start()
 specs = ["always(x < 9)", "always(y > 0.99 implies eventually[0:1](x > 0))"]

@@ -20,7 +20,7 @@ from rtamt import Verdict
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import judge, judge_events
+from rtamt_gym.recorded.judge import judge
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -266,7 +266,7 @@ def test_dense_cell_fillings_stay_within_bounds(
         for i, name in enumerate("xy")
         if name in spec.variables and any(row[i] is None for row in rows)
     }
-    found = judge_events(spec, trace, EvaluationOptions(dense=True, end=end)).found
+    found = judge(spec, trace, None, EvaluationOptions(dense=True, end=end)).found
     left = iter(fills)
     filled = {
         name: [
