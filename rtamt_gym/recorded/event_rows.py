@@ -19,15 +19,12 @@ from rtamt_gym.recorded.names import (
     check_names,
     check_near,
     check_recorded,
-    find_times,
     long_columns,
-    needed_columns,
     recorded_variables,
     take_default,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable
-from rtamt_gym.recorded.sample_rows import check_valid, read_rows, wanted_times
 from rtamt_gym.recorded.times import TIME, TimeAxis, one_record
 from rtamt_gym.recorded.trace import EventTrace, Records, Trace, held, hole_note, longest_gap
 from rtamt_gym.tables import number
@@ -60,27 +57,25 @@ def read_events(
     columns = columns or Columns()
     if columns.jitter is not None:
         raise InputError("expected --jitter or --dense, which reads events at any time")
-    read = {columns.column(name) for name in variables}
-    time = find_times(recording, columns, read=read)
+    roles = RowTable.of(recording, variables, columns)
     if (pair := long_columns(recording.names, variables, columns)) is not None:
         return _read_long(
-            recording, variables, columns, time or TimeColumn(TIME), pair, table=table
+            recording, variables, columns, roles.time or TimeColumn(TIME), pair, table=table
         )
-    if time is None and table:
-        wanted = replace(wanted_times(Wanted(()), None, columns), cells=recording.names[:1])
-        RowTable(recording, columns, read, None).check_times(recording.read(wanted))
-    time = time or TimeColumn(TIME)
+    if roles.time is None and table:
+        wanted = roles.with_times(Wanted((), cells=recording.names[:1]))
+        roles.check_times(recording.read(wanted))
+    time = roles.time or TimeColumn(TIME)
+    roles = replace(roles, time=time)
     check_names(recording, time.columns)
-    check_near(recording.source, recording.names, variables, columns)
-    there = recorded_variables(recording.names, variables, columns)
-    needed = needed_columns(recording, there, columns)
+    there, needed = roles.assign(variables)
     nan = columns.missing != "raise"
     wanted = Wanted(needed, gaps=needed, nan=nan, empty=_NAN, ends=True)
-    rows = read_rows(recording, wanted_times(wanted, time, columns))
+    rows = roles.rows(wanted)
     if table:
         filled = {name: ~np.isnan(values) for name, values in rows.numbers.items()}
-        RowTable(recording, columns, read, time).check_rows(rows, filled, there)
-    check_valid(rows, columns)
+        roles.check_rows(rows, filled, there)
+    roles.check_valid(rows)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     axis.check_order(rows.where)
@@ -226,17 +221,17 @@ def _read_long(
     check_names(recording, (*time.columns, *pair))
     nan = columns.missing != "raise"
     wanted = Wanted((value,), (named_by,), gaps=(value,), nan=nan, empty=_NAN)
-    wanted = wanted_times(wanted, time, columns)
+    roles = RowTable(recording, columns, pair, time)
     try:
-        rows = read_rows(recording, wanted)
+        rows = roles.rows(wanted)
     except InputError:
         if not table:
             raise
-        rows = _read_variables(recording, variables, columns, wanted)
+        rows = _read_variables(roles, variables, roles.with_times(wanted))
     named = np.array(rows.texts[named_by])
     if table:
         filled = {name: named == columns.column(name) for name in variables}
-        RowTable(recording, columns, pair, time).check_objects(rows, filled)
+        roles.check_objects(rows, filled)
     axis = _event_times(rows, time, columns)
     times = axis.seconds
     known = list(dict.fromkeys(rows.texts[named_by]))
@@ -266,19 +261,17 @@ def _read_long(
     return _events(rows, signals, variables, columns, axis)
 
 
-def _read_variables(
-    recording: Recording, variables: Sequence[str], columns: Columns, wanted: Wanted
-) -> Rows:
+def _read_variables(roles: RowTable, variables: Sequence[str], wanted: Wanted) -> Rows:
     """Read rows that hold one event each; values of variables that are not read may be texts."""
     (value,), (named_by,) = wanted.numbers, wanted.texts
-    rows = read_rows(recording, replace(wanted, numbers=(), gaps=()))
+    rows = roles.rows(replace(wanted, numbers=(), gaps=()))
     named, values = np.array(rows.texts[named_by]), np.full(rows.count, np.nan)
     notes = [*rows.notes]
-    for called in dict.fromkeys(map(columns.column, variables)):
+    for called in dict.fromkeys(map(roles.columns.column, variables)):
         own = named == called
         if own.any():
             where = {**wanted.where, named_by: called}
-            read = recording.read(replace(wanted, texts=(), where=where))
+            read = roles.recording.read(replace(wanted, texts=(), where=where))
             values[own] = read.numbers[value]
             notes += [note for note in read.notes if note not in notes]
     return replace(rows, numbers={value: values}, notes=notes)

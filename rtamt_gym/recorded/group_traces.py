@@ -26,18 +26,14 @@ from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
 from rtamt_gym.recorded.groups import Booleans, GroupRecording, GroupRows, GroupTable
 from rtamt_gym.recorded.names import (
     TimeColumn,
-    check_near,
     check_recorded,
-    find_times,
-    needed_columns,
-    recorded_variables,
     starts_of,
     with_columns,
 )
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable, has_time_bounds
 from rtamt_gym.recorded.ruled import IF_EVENTS, check_bounds
-from rtamt_gym.recorded.sample_rows import wanted_samples, wanted_times
+from rtamt_gym.recorded.sample_rows import wanted_samples
 from rtamt_gym.recorded.times import HOLE, TimeAxis, in_seconds, same_as_before, simple, stated_unit
 from rtamt_gym.recorded.trace import PERIODS, Trace
 from rtamt_gym.results.extent import Gap
@@ -49,16 +45,14 @@ class _Layout:
     """The common columns and times of all groups of a table.
 
     Attributes:
-        columns: The column options, with the annotations of the specifications.
-        time: The columns of times; None without them.
+        roles: The columns, with the annotations of the specifications.
         rows: The values and times of all groups.
         column_of: The column of each variable.
         cells: The columns that may separate objects by their names.
         texts: The unread columns of texts.
     """
 
-    columns: Columns
-    time: TimeColumn | None
+    roles: RowTable
     rows: Rows
     column_of: Mapping[str, str]
     cells: Mapping[str, NDArray[Any]]
@@ -111,30 +105,26 @@ class GroupTraces:
         for spec in specs.values():
             check_recorded(table.source, table.names, spec.variables, columns)
         variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
-        read = {columns.column(name) for name in variables}
         bounded = any(map(has_time_bounds, specs.values()))
         needed = period is None and (bounded or columns.time_unit is not None)
-        time = find_times(recording, columns, read=read, needed=needed)
+        roles = RowTable.of(recording, variables, columns, needed=needed)
+        read, time = roles.read, roles.time
         if time is None and columns.time_unit is not None:
             return None
-        check_near(table.source, table.names, variables, columns)
-        if recorded_variables(table.names, variables, columns) != variables:
-            return None  # some variables have defaults
-        numbers = needed_columns(recording, variables, columns, IF_EVENTS)
-        rules = RowTable(recording, columns, read, time)
-        if rules.clocks:
+        there, numbers = roles.assign(variables, IF_EVENTS)
+        if there != variables or roles.clocks:  # some variables have defaults, or own times
             return None
         if time is None and bounded and period is None:
             named = any(unit_of_times(name) is not None for name in read)
-            if rules.unread or named or table.above:
+            if roles.unread or named or table.above:
                 return None  # a column may be times
-        rows = self._rows(numbers, time, columns)
+        rows = self._rows(numbers, roles)
         if rows is None or rows.step is not None or rows.sparse:
             return None
         first, timed = table.names[0], rows.times is not None
         if (time is not None) != timed or (rows.times is not None and rows.times.dtype.kind == "b"):
             return None
-        names = [] if columns.one_trace else rules.unread
+        names = [] if columns.one_trace else roles.unread
         near = [n for n in names if may_tell_objects(n, read, timed=timed, first=n == first)]
         texts = [n for n in names if n in table.texts and n not in near and timed]
         cell_tables = [self._cells(part, rows.count, columns) for part in (near, texts)]
@@ -142,17 +132,17 @@ class GroupTraces:
             return None
         cells, others = (part or {} for part in cell_tables)
         column_of = {name: columns.column(name) for name in variables}
-        return _Layout(columns, time, rows, column_of, cells, others)
+        return _Layout(roles, rows, column_of, cells, others)
 
-    def _rows(
-        self, numbers: Sequence[str], time: TimeColumn | None, columns: Columns
-    ) -> Rows | None:
+    def _rows(self, numbers: Sequence[str], roles: RowTable) -> Rows | None:
         """Return the values and times of all groups; None if they cannot be read together."""
+        time, columns = roles.time, roles.columns
         plain = {*numbers, *(() if time is None else time.columns)}.isdisjoint(self.table.texts)
         more = None if self._more is None else self._more._layout  # noqa: SLF001 - of this class
-        if plain and more is not None and more.time == time and {*numbers} <= {*more.rows.numbers}:
+        same = more is not None and more.roles.time == time
+        if more is not None and plain and same and {*numbers} <= {*more.rows.numbers}:
             return more.rows
-        wanted = wanted_samples(numbers, time, columns, IF_EVENTS)
+        wanted = roles.with_times(wanted_samples(numbers, columns, IF_EVENTS))
         rows = self.table.read(wanted)
         if rows is None and plain:
             # An empty cell of one group leaves the others plain.
@@ -199,7 +189,7 @@ class GroupTraces:
     def measured(self) -> bool:
         """Whether traces have lengths: there are times, or a stated period."""
         return self._layout is not None and (
-            self._layout.time is not None or self.stated is not None
+            self._layout.roles.time is not None or self.stated is not None
         )
 
 
@@ -240,8 +230,8 @@ class GroupBlock:
         self.periods: list[Fraction | None] = [stated] * count
         self._gaps: list[Any] = [None] * count
         self.too_short = np.zeros(count, bool)
-        if layout.time is not None and layout.rows.times is not None:
-            self._measure(layout.rows.times[chosen], layout.time)
+        if layout.roles.time is not None and layout.rows.times is not None:
+            self._measure(layout.rows.times[chosen], layout.roles.time)
         self._leave_separated(chosen)
         self.too_short &= self.plain
         self.plain &= ~self.too_short
@@ -250,17 +240,16 @@ class GroupBlock:
     def _measure(self, raw: NDArray[Any], time: TimeColumn) -> None:
         """Find the periods and the gaps of the groups."""
         layout, rows, stated = self._layout, self.rows, self._traces.stated
-        axes = GroupAxes(raw, rows, time.name, layout.rows.unit, layout.columns)
+        axes = GroupAxes(raw, rows, time.name, layout.rows.unit, layout.roles.columns)
         self._axes = axes
         self.plain &= axes.plain
         if stated is not None:
             self.plain &= axes.near(float(stated))
-            as_stated = layout.columns.missing == "raise"
+            as_stated = layout.roles.columns.missing == "raise"
             self._gaps = axes.gaps(float(stated) if as_stated else None)
             return
         if (rows.lengths == 2).any():
-            wanted = wanted_times(Wanted(()), time, layout.columns)
-            step = self._traces.table.usual_step(wanted)
+            step = self._traces.table.usual_step(layout.roles.with_times(Wanted(())))
             if step is not None:
                 self.plain &= ~axes.far_apart(step)
         self.periods, self._gaps = axes.periods(), axes.gaps(None)
@@ -313,7 +302,7 @@ class GroupBlock:
 
     def trace(self, i: int) -> Trace:
         """Return the trace of a plain group."""
-        layout, table, columns = self._layout, self._traces.table, self._layout.columns
+        layout, table, columns = self._layout, self._traces.table, self._layout.roles.columns
         begin, n = int(self.rows.begins[i]), int(self.rows.lengths[i])
         axis = None if self._axes is None else self._axes.axis(i)
         gap = self._gaps[i]

@@ -72,7 +72,8 @@ class Wanted:
     @property
     def names(self) -> list[str]:
         """The names of all of these columns, each once."""
-        times = [name for name in (self.time, self.part and self.part.column) if name is not None]
+        times = [] if self.time is None else [self.time]
+        times += [] if self.part is None else [self.part.column]
         return [*dict.fromkeys([*self.numbers, *self.texts, *times, *self.where, *self.cells])]
 
 

@@ -1,11 +1,11 @@
-"""Checks that a table is one trace, and that no column of times was overlooked."""
+"""The roles of the columns of a table, and checks that it is one trace that overlooks no times."""
 
 from __future__ import annotations
 
 import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -37,9 +37,26 @@ from rtamt.columns import (
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.cells import floats_in, times_of_texts
 from rtamt_gym.recorded.columns import UNITS, Columns
-from rtamt_gym.recorded.names import TimeColumn, misspellings, misspelt_value
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts
-from rtamt_gym.recorded.times import join_times, rises
+from rtamt_gym.recorded.names import (
+    TimeColumn,
+    check_near,
+    find_times,
+    misspellings,
+    misspelt_value,
+    needed_columns,
+    recorded_variables,
+)
+from rtamt_gym.recorded.recording import (
+    Recording,
+    Rows,
+    Wanted,
+    cell_texts,
+)
+from rtamt_gym.recorded.times import (
+    join_times,
+    rises,
+)
+from rtamt_gym.tables import counted
 
 
 @lru_cache(maxsize=256)
@@ -61,7 +78,7 @@ def has_time_bounds(spec: Specification) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RowTable:
-    """A table of rows, with the columns to read from it.
+    """A recording of rows, and the roles of its columns: variables, times, or none.
 
     Attributes:
         recording: The file, whose columns can be read again.
@@ -74,6 +91,35 @@ class RowTable:
     columns: Columns
     read: Collection[str]
     time: TimeColumn | None
+
+    @staticmethod
+    def of(
+        recording: Recording, variables: Collection[str], columns: Columns, *, needed: bool = True
+    ) -> RowTable:
+        """Return the table with its columns of times, which may be needed."""
+        read = {columns.column(name) for name in variables}
+        time = find_times(recording, columns, read=read, needed=needed)
+        return RowTable(recording, columns, read, time)
+
+    def assign(self, variables: Sequence[str], if_events: str = "") -> tuple[list[str], list[str]]:
+        """Return the variables that have a column, and their columns, each once."""
+        recording, columns = self.recording, self.columns
+        check_near(recording.source, recording.names, variables, columns)
+        there = recorded_variables(recording.names, variables, columns)
+        return there, needed_columns(recording, there, columns, if_events)
+
+    def with_times(self, wanted: Wanted) -> Wanted:
+        """Return the columns to read, with the columns of times and the rows of ``--where``."""
+        columns, time = self.columns, self.time
+        timed = replace(wanted, where=columns.where, date_order=columns.date_order)
+        return timed if time is None else replace(timed, time=time.name, part=time.part)
+
+    def rows(self, wanted: Wanted) -> Rows:
+        """Read columns, and the times of the rows that ``--where`` selects."""
+        rows = self.recording.read(self.with_times(wanted))
+        if not rows.count:
+            raise InputError(f"{rows.source}: expected at least one sample below the line of names")
+        return rows
 
     @property
     def unread(self) -> list[str]:
@@ -104,6 +150,20 @@ class RowTable:
         self.check_objects(rows, filled)
         self.check_clocks(rows)
         self.check_spelling(rows, variables)
+
+    def check_valid(self, rows: Rows) -> None:
+        """Check that all records hold numbers, unless an option states the treatment of others."""
+        if self.columns.missing != "raise":
+            return
+        for name, invalid in rows.invalid.items():
+            if invalid.any():
+                index, count = int(invalid.argmax()), int(invalid.sum())
+                when = "" if rows.times is None else f", at {float(rows.times[index]):.9g} s"
+                raise InputError(
+                    f"{rows.source}{when}, channel '{name}': expected a number, got a sample that "
+                    f"is nan or marked as not valid ({counted(count, 'sample')} in all); give "
+                    "--missing unknown, --missing hold or --missing drop"
+                )
 
     def check_objects(self, rows: Rows, filled: Mapping[str, NDArray[np.bool_]]) -> None:
         """Check that the rows belong to one object or episode."""

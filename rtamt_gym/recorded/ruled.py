@@ -24,8 +24,8 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Wanted
-from rtamt_gym.recorded.roles import has_time_bounds
-from rtamt_gym.recorded.sample_rows import read_rows, read_trace, wanted_times
+from rtamt_gym.recorded.roles import RowTable, has_time_bounds
+from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import AsideTimes, EventTrace, Trace
 
@@ -110,10 +110,11 @@ def read_row_times(
     wide = columns.wide is not None
     read = () if wide else {columns.column(name) for name in variables}
     with _opened(path, replace(columns, wide=None), row) as recording:
-        time = find_times(recording, columns, read=read, needed=True)
+        roles = RowTable(recording, columns, read, find_times(recording, columns, read=read))
+        time = roles.time
         if time is None:
             raise InputError(f"{recording.source}: expected a column of times, got none")
-        rows = read_rows(recording, wanted_times(Wanted([]), time, columns))
+        rows = roles.rows(Wanted([]))
     if not wide:
         return TimeAxis.of(rows, time.name, columns).seconds, rows.where
     from rtamt_gym.recorded.wide import find_instants

@@ -16,11 +16,6 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import NEAR, UNITS, Columns
 from rtamt_gym.recorded.names import (
-    TimeColumn,
-    check_near,
-    find_times,
-    needed_columns,
-    recorded_variables,
     take_default,
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
@@ -63,7 +58,6 @@ def read_trace(
         ([5.0, 4.0], Fraction(1, 2))
     """
     columns = columns or Columns()
-    read = {columns.column(name) for name in variables}
     about_times = {
         "--max-gap": columns.max_gap,
         "--jitter": columns.jitter,
@@ -71,23 +65,20 @@ def read_trace(
     }
     option = next((name for name, value in about_times.items() if value is not None), None)
     needed = period is None and (timed or option is not None)
-    time = find_times(recording, columns, read=read, needed=needed)
-    if time is None and option is not None:
+    roles = RowTable.of(recording, variables, columns, needed=needed)
+    if roles.time is None and option is not None:
         raise InputError(
             f"{recording.source}: expected a column of times, which {option} needs; the "
             f"columns are {listed(recording.names, TIME)}; give --time COLUMN"
         )
-    check_near(recording.source, recording.names, variables, columns)
-    there = recorded_variables(recording.names, variables, columns)
-    numbers = needed_columns(recording, there, columns, if_events)
-    wanted = wanted_samples(numbers, time, columns, if_events)
-    rows = read_rows(recording, wanted)
-    rules = RowTable(recording, columns, read, time)
+    there, numbers = roles.assign(variables, if_events)
+    wanted = roles.with_times(wanted_samples(numbers, columns, if_events))
+    rows = roles.rows(wanted)
     if table:
-        rules.check_rows(rows, {n: ~np.isnan(cells) for n, cells in rows.numbers.items()}, there)
-    if table and timed and time is None and period is None:
-        rules.check_times(rows)
-    check_valid(rows, columns)
+        roles.check_rows(rows, {n: ~np.isnan(cells) for n, cells in rows.numbers.items()}, there)
+    if table and timed and roles.time is None and period is None:
+        roles.check_times(rows)
+    roles.check_valid(rows)
     values = {name: rows.numbers[columns.column(name)] for name in there}
     notes, defaults = [*rows.notes, *selection_notes(rows.count, columns.where)], {}
     for name in variables:
@@ -98,7 +89,7 @@ def read_trace(
             notes.append(take_default(recording.source, name, columns, why))
             defaults[name] = columns.starts[name]
     times, step = None, ""
-    if time is not None:
+    if roles.time is not None:
         times, step = _axis(recording, rows, wanted, columns, even=period is None)
         columns = _with_room(columns, times)
     trace = Trace(
@@ -115,9 +106,9 @@ def read_trace(
     if period is None:
         trace = _one_row_a_time(trace, columns)
     trace = _measured(trace, columns, None if period is None else float(period))
-    counted_rows = table and timed and time is None and not columns.one_trace
+    counted_rows = table and timed and roles.time is None and not columns.one_trace
     if counted_rows:
-        rules.check_selection(rows)
+        roles.check_selection(rows)
     trace = _filled(trace, columns, counted_rows=counted_rows)
     return _on_grid(trace, columns, absent=defaults)
 
@@ -389,44 +380,12 @@ def _with_unknown(trace: Trace, columns: Columns) -> Trace:
     return replace(trace, unknown=names)
 
 
-def wanted_samples(
-    numbers: Sequence[str], time: TimeColumn | None, columns: Columns, if_events: str
-) -> Wanted:
-    """Return the columns of numbers and of times to read."""
+def wanted_samples(numbers: Sequence[str], columns: Columns, if_events: str) -> Wanted:
+    """Return the columns of numbers to read."""
     empty = "; " + "; ".join(
         filter(
             None, ("give --missing unknown, or --missing hold if the value before holds", if_events)
         )
     )
     gaps = () if columns.missing == "raise" else numbers
-    wanted = Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)
-    return wanted_times(wanted, time, columns)
-
-
-def wanted_times(wanted: Wanted, time: TimeColumn | None, columns: Columns) -> Wanted:
-    """Return the columns to read, with the columns of times and the rows of ``--where``."""
-    timed = replace(wanted, where=columns.where, date_order=columns.date_order)
-    return timed if time is None else replace(timed, time=time.name, part=time.part)
-
-
-def read_rows(recording: Recording, wanted: Wanted) -> Rows:
-    """Return the wanted columns of a recording."""
-    rows = recording.read(wanted)
-    if not rows.count:
-        raise InputError(f"{rows.source}: expected at least one sample below the line of names")
-    return rows
-
-
-def check_valid(rows: Rows, columns: Columns) -> None:
-    """Check that all records hold numbers, unless an option states the treatment of others."""
-    if columns.missing != "raise":
-        return
-    for name, invalid in rows.invalid.items():
-        if invalid.any():
-            index, count = int(invalid.argmax()), int(invalid.sum())
-            when = "" if rows.times is None else f", at {float(rows.times[index]):.9g} s"
-            raise InputError(
-                f"{rows.source}{when}, channel '{name}': expected a number, got a sample that is "
-                f"nan or marked as not valid ({counted(count, 'sample')} in all); give --missing "
-                "unknown, --missing hold or --missing drop"
-            )
+    return Wanted(numbers, gaps=gaps, nan=bool(gaps), empty=empty)

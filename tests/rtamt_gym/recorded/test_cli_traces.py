@@ -33,11 +33,10 @@ EMPTY = "note: empty cells are not events: the value before holds (gnt: 1, req: 
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """The working directory, with a specification and traces."""
-    monkeypatch.chdir(tmp_path)
-    write_files(tmp_path)
-    return tmp_path
+    write_files(folder)
+    return folder
 
 
 # Why. --------------------------------------------------------------------------------------------

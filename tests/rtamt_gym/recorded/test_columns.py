@@ -1,14 +1,20 @@
 """Columns of times, gaps, separators and decimal marks: recognised, asked for, or refused."""
 
+from __future__ import annotations
+
+import json
 from collections.abc import Sequence
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
+from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, Missing, read_columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
@@ -381,3 +387,153 @@ def test_malformed_text_error_states_line() -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read_trace(CsvRecording(["time,x\n", "0,1\r2,3\n"], "t.csv"), ["x"])
     assert str(caught.value) == "t.csv, line 2: new-line character seen in unquoted field"
+
+
+# The two forms of CSV that esmini writes, by hand: lines above the names, many objects. ----------
+
+
+Output = pytest.CaptureFixture[str]
+SPEEDS = np.random.default_rng(4).uniform(25, 35, (40, 2)).round(6)
+NAMES = ("Ego", "Other")
+
+
+@pytest.fixture
+def rows(tmp_path: Path) -> Path:
+    """Return a file of dat2csv."""
+    lines = [
+        "Version: 4, OpenDRIVE: road.xodr, 3DModel: road.osgb",
+        "time, id, name, x, y, z, h, p, r, speed, wheel_angle, wheel_rot",
+    ]
+    for step, speeds in enumerate(SPEEDS):
+        for index, (name, speed) in enumerate(zip(NAMES, speeds, strict=True)):
+            cells = f"{step / 20:.3f}, {index}, {name}, 1, 2, 0, 0, 0, 0, {speed:.6f}, 0, 0"
+            lines.append(cells)
+    path = tmp_path / "scenario.csv"
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+@pytest.fixture
+def columns(tmp_path: Path) -> Path:
+    """Return a file of the logger."""
+    fields = ("Entitity_Name [-]", "Entitity_ID [-]", "Current_Speed [m/s]")
+    header = ["Index [-]", "TimeStamp [s]"]
+    header += [f"#{index} {field}" for index in (1, 2) for field in fields]
+    lines = ["esmini GIT REV: v2.40", "Scenario File Name: cut-in.xosc", "Number of Vehicles: 2"]
+    lines.append(" , ".join([*header, ""]))
+    for step, (ego, other) in enumerate(SPEEDS):
+        lines.append(f"{step}, {step / 20:.6f}, Ego, 0, {ego:.6f}, Other, 1, {other:.6f}, ")
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_object_of_rows(name: str, rows: Path, capsys: Output) -> None:
+    frame = pd.read_csv(rows, skiprows=1, skipinitialspace=True)
+    least = 31 - frame[(frame.name == name) & (frame.time <= 1)].speed.max()
+    command = ["monitor", "always[0:1](speed < 31)", str(rows), "--where", f"name={name}"]
+    assert main(command) == (1 if least < 0 else 0)
+    printed = capsys.readouterr().out
+    assert f"robustness {least:.6g}" in printed
+    assert "line 1 is skipped" in printed
+
+
+def test_rows_without_a_choice_are_refused(rows: Path, capsys: Output) -> None:
+    assert main(["monitor", "always(speed < 31)", str(rows)]) == 2
+    assert "got 2 values of 'id', which no requirement reads" in capsys.readouterr().err
+
+
+def test_two_objects_of_columns(columns: Path, capsys: Output) -> None:
+    least = 5 - (SPEEDS[:21, 1] - SPEEDS[:21, 0]).max()
+    names = {"ego": "#1 Current_Speed [m/s]", "other": "#2 Current_Speed [m/s]"}
+    signals = [f"--signal={name}={column}" for name, column in names.items()]
+    command = ["monitor", "always[0:1](other - ego < 5)", str(columns), *signals]
+    assert main(command) == (1 if least < 0 else 0)
+    printed = capsys.readouterr().out
+    assert f"robustness {least:.6g}" in printed
+    assert "40 samples, one every 0.05 s" in printed
+    assert "lines 1 to 3 are skipped: the names of the columns are in line 4" in printed
+
+
+# Columns that a specification names with ``@ column``, in the commands that read traces. ---------
+
+
+SPEC = """\
+@ column(level, "Level [mm]")
+@ column(flow, "Flow")
+high = always(level < 5)
+low = always(flow > 0)
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(folder: Path) -> Path:
+    (folder / "tank.stl").write_text(SPEC)
+    (folder / "tank.csv").write_text("time,Level [mm],Flow,level\n0,1,1,0\n1,9,2,0\n2,1,3,0\n")
+    return folder
+
+
+@pytest.mark.parametrize("words", [[], ["--dense"]])
+def test_monitor_reads_the_named_columns(words: list[str], capsys: Output) -> None:
+    assert main(["monitor", "tank.stl", "tank.csv", "--json", *words]) == 1
+    found = json.loads(capsys.readouterr().out)
+    outcomes = found["trials"][0]["outcomes"]
+    assert (outcomes["high"]["robustness"], outcomes["low"]["robustness"]) == (-4, 1)
+    assert found["reading"]["columns"]["signals"] == {"level": "Level [mm]", "flow": "Flow"}
+
+
+def test_signal_overrides_an_annotation() -> None:
+    assert main(["monitor", "tank.stl", "tank.csv"]) == 1
+    assert main(["monitor", "tank.stl", "tank.csv", "--signal", "level=level"]) == 0
+
+
+def test_explain_reads_the_named_columns(capsys: Output) -> None:
+    assert main(["explain", "tank.stl", "tank.csv", "--only", "high"]) == 1
+    assert "robustness -4 at 0 s" in capsys.readouterr().out
+
+
+def test_unselected_requirements_need_no_column(folder: Path, capsys: Output) -> None:
+    (folder / "short.csv").write_text("time,Level [mm]\n0,1\n1,2\n")
+    assert main(["monitor", "tank.stl", "short.csv", "--only", "high"]) == 0
+    assert main(["monitor", "tank.stl", "short.csv"]) == 2
+    assert "Flow" in capsys.readouterr().err
+
+
+def test_signal_of_an_unselected_requirement_is_ignored(capsys: Output) -> None:
+    words = ["monitor", "tank.stl", "tank.csv", "--only", "high"]
+    assert main([*words, "--signal", "flow=Nowhere"]) == 1
+    assert main([*words, "--signal", "height=Nowhere"]) == 2
+    assert "no specification reads 'height'" in capsys.readouterr().err
+
+
+def test_two_columns_of_one_variable_are_refused(folder: Path, capsys: Output) -> None:
+    (folder / "other.stl").write_text('@ column(level, "level")\nother = always(level < 5)')
+    words = ["monitor", "tank.stl", "other.stl", "--", "tank.csv"]
+    assert main(words) == 2
+    assert (
+        "two specifications name different columns of 'level', 'Level [mm]' and 'level'. "
+        "Give --signal level=COLUMN, or rename one variable."
+    ) in capsys.readouterr().err
+    assert main([*words, "--signal", "level=level"]) == 0
+
+
+def test_report_page_reads_the_trace_again(folder: Path, capsys: Output) -> None:
+    main(["monitor", "tank.stl", "tank.csv", "--json"])
+    (folder / "outcomes.json").write_text(capsys.readouterr().out)
+    assert main(["report", "outcomes.json", "-o", "page.html"]) == 0
+    assert "is not shown in full" not in (folder / "page.html").read_text()
+
+
+def test_stored_outcomes_depend_on_the_named_columns(folder: Path, capsys: Output) -> None:
+    words = ["monitor", "tank.stl", "--results", "kept", "--", "tank.csv"]
+    assert main(words) == 1
+    (folder / "tank.stl").write_text(SPEC.replace("Level [mm]", "level"))
+    assert main(words) != 1  # judged again, or refused, and not the outcome of before
+    capsys.readouterr()
+
+
+def test_clips_keep_the_named_columns(folder: Path) -> None:
+    assert main(["monitor", "tank.stl", "tank.csv", "--clip", "clips", "--clip-around", "1s"]) == 1
+    (clip,) = (folder / "clips").iterdir()
+    assert clip.read_text() == (folder / "tank.csv").read_text()

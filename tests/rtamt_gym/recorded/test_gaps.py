@@ -36,12 +36,6 @@ FORMULAS = [
 Output = pytest.CaptureFixture[str]
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def write(
     rows: Sequence[tuple[float, ...]], path: str | Path = "run.csv", head: str = "time,x"
 ) -> str:
@@ -106,7 +100,6 @@ HEADS = {
 
 
 @pytest.mark.parametrize(("rows", "options", "head"), HEADS.values(), ids=HEADS)
-@pytest.mark.usefixtures("folder")
 def test_header_states_length_and_gap(
     rows: list[tuple[float, ...]], options: list[str], head: str, capsys: Output
 ) -> None:
@@ -114,7 +107,6 @@ def test_header_states_length_and_gap(
     assert capsys.readouterr().out.splitlines()[2] == head
 
 
-@pytest.mark.usefixtures("folder")
 def test_gaps_are_per_variable(capsys: Output) -> None:
     Path("run.csv").write_text("time,x,y\n0,1,1\n0.5,1,\n1,1,\n1.5,1,1\n2,1,1\n")
     assert main(["monitor", "always(x > 0 and y > 0)", "run.csv", "--missing", "hold"]) == 0
@@ -131,7 +123,6 @@ LONG = (
 
 
 @pytest.mark.parametrize("options", [["--dense"], ["--jitter", "5%"]])
-@pytest.mark.usefixtures("folder")
 def test_a_long_gap_is_noted_in_every_format(options: list[str], capsys: Output) -> None:
     write(HOLE)
     assert main(["monitor", "always(x > 0)", "run.csv", *options]) == 0
@@ -154,7 +145,6 @@ def test_a_long_gap_is_noted_in_every_format(options: list[str], capsys: Output)
 
 
 @pytest.mark.parametrize("steps", [10, 11])
-@pytest.mark.usefixtures("folder")
 def test_a_gap_is_long_above_ten_usual_steps(steps: int, capsys: Output) -> None:
     times = [*range(8), *(7 + steps + i for i in range(8))]
     write([(t / 2, 1.0) for t in times])
@@ -187,7 +177,6 @@ def test_a_gap_is_long_above_ten_usual_steps(steps: int, capsys: Output) -> None
         ),
     ],
 )
-@pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("options", [[], ["--missing", "hold"]])
 def test_period_contradiction_note(
     rows: list[tuple[float, ...]],
@@ -218,7 +207,6 @@ def test_period_contradiction_note(
         ("time", 10, ["--period", "10"], 0),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_integer_times_without_unit_note(
     column: str, step: float, options: list[str], noted: int, capsys: Output
 ) -> None:
@@ -231,7 +219,6 @@ def test_integer_times_without_unit_note(
     assert " ".join(capsys.readouterr().out.split()).count(said) == noted
 
 
-@pytest.mark.usefixtures("folder")
 def test_late_fractional_time_means_seconds(capsys: Output) -> None:
     write([(i + 0.5 * (i == 150), 1.0) for i in range(200)])
     assert main(["monitor", "always(x > 0)", "run.csv", "--dense"]) == 0
@@ -251,7 +238,6 @@ def test_a_saved_run_has_seconds(folder: Path, capsys: Output) -> None:
 # Short traces. ------------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("folder")
 def test_short_trace_exits_with_3(capsys: Output) -> None:
     for name, count in {"a": 21, "b": 5, "c": 3, "d": 4, "e": 5}.items():
         write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
@@ -286,7 +272,6 @@ def test_short_trace_exits_with_3(capsys: Output) -> None:
     assert main(["monitor", *words, "none.csv", "--period", "20"]) == 0
 
 
-@pytest.mark.usefixtures("folder")
 def test_files_list_short_traces(capsys: Output) -> None:
     for name, count in {"a": 21, "b": 5, "c": 3}.items():
         write([(i / 2, 1.0) for i in range(count)], f"{name}.csv")
@@ -404,7 +389,6 @@ def test_a_hole_is_unknown_from_its_length_on(
             assert value == max(k for k, t in enumerate(times) if t <= at)
 
 
-@pytest.mark.usefixtures("folder")
 def test_hole_note_and_verdict(capsys: Output) -> None:
     write(HOLE)
     assert main(["monitor", "always(x > 4)", "run.csv", "--max-gap", "1s"]) == 3
@@ -435,7 +419,6 @@ def test_hole_note_and_verdict(capsys: Output) -> None:
         capsys.readouterr()
 
 
-@pytest.mark.usefixtures("folder")
 def test_cells_hold_for_no_longer_than_the_gap() -> None:
     rows = [f"{i / 10},5,{'' if 10 <= i < 30 or i in (40, 41) else 1}" for i in range(50)]
     Path("run.csv").write_text("\n".join(["time,x,y", *rows]))
@@ -486,7 +469,6 @@ def test_cells_hold_for_no_longer_than_the_gap() -> None:
         ),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_what_no_gap_can_be_told_of_is_refused(
     text: str, options: list[str], said: str, capsys: Output
 ) -> None:

@@ -221,10 +221,9 @@ def test_as_files_reads_a_plain_folder(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_outcomes_and_report_of_an_episode(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = write_data_set(tmp_path / "set", states(3, (9, 9)))
-    monkeypatch.chdir(tmp_path)
     main(["monitor", f"always({X} < 0)", "--json", "--", "set"])
     outcomes = tmp_path / "outcomes.json"
     outcomes.write_text(capsys.readouterr().out)

@@ -30,14 +30,13 @@ TRACES = {
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """The working directory, with three requirements and a folder of traces."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "req.stl").write_text(TEXT)
-    (tmp_path / "runs").mkdir()
+    (folder / "req.stl").write_text(TEXT)
+    (folder / "runs").mkdir()
     for name, text in TRACES.items():
-        (tmp_path / "runs" / name).write_text(text)
-    return tmp_path
+        (folder / "runs" / name).write_text(text)
+    return folder
 
 
 def test_matrix_shows_all_verdicts(capsys: Output) -> None:

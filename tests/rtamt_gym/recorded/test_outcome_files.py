@@ -34,15 +34,14 @@ OTHERS = ("traces", "trials", "versions", "files")
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder: Path) -> Path:
     """The working directory, with a trace for each verdict and one that cannot be read."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "req.stl").write_text(TEXT)
-    (tmp_path / "good.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n1,5,0,5\n")
-    (tmp_path / "near.csv").write_text(HEAD + "0,5,0,0\n0.5,1,0,0\n1,5,0,0\n")
-    (tmp_path / "open.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n")
-    (tmp_path / "bad.csv").write_text(HEAD + "0,5,0\n")
-    return tmp_path
+    (folder / "req.stl").write_text(TEXT)
+    (folder / "good.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n1,5,0,5\n")
+    (folder / "near.csv").write_text(HEAD + "0,5,0,0\n0.5,1,0,0\n1,5,0,0\n")
+    (folder / "open.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n")
+    (folder / "bad.csv").write_text(HEAD + "0,5,0\n")
+    return folder
 
 
 TRACES = ["good.csv", "near.csv", "open.csv", "bad.csv"]

@@ -25,11 +25,10 @@ OUTSIDE = "2 of 3 values of x are outside the declared range [0, 120], the first
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def folder(folder: Path) -> Path:
     Path("out.csv").write_text("time [s],x,g\n0,5,1\n1,130,1\n2,-1,1\n")
     Path("in.csv").write_text("time [s],x,g\n0,0,1\n1,120,2\n2,1,1\n")
-    return tmp_path
+    return folder
 
 
 def notes(arguments: list[str], code: int, capsys: Output) -> list[str]:
@@ -87,12 +86,11 @@ def test_constant_variables_are_noted(text: str, expected: list[str], capsys: Ou
 
 
 @pytest.fixture(autouse=True)
-def folder_passes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder_passes(folder: Path) -> Path:
     """The working directory, with a trace of 10 seconds."""
-    monkeypatch.chdir(tmp_path)
     rows = (f"{i},{5 if i == 3 else 8},{i // 2 % 2}" for i in range(11))
-    (tmp_path / "trace.csv").write_text("\n".join(["time_s,x,gear", *rows]))
-    return tmp_path
+    (folder / "trace.csv").write_text("\n".join(["time_s,x,gear", *rows]))
+    return folder
 
 
 WRONG_PASSES = {

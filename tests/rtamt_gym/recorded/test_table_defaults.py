@@ -189,10 +189,7 @@ def test_defaults_error_with_no_defaults(
     assert trace.defaults == {"limit": 0.5}
 
 
-def test_verdicts_that_rest_on_a_default_say_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_verdicts_that_rest_on_a_default_say_so(capsys: pytest.CaptureFixture[str]) -> None:
     Path("absent.csv").write_text(ABSENT.replace("time", "time_s"))
     Path("whole.csv").write_text("time_s,x,limit\n1,0.25,0.125\n2,0.125,1\n3,0,1\n")
     specs = [TEXT, "other = always(x < 1)"]

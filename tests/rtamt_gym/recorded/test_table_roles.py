@@ -21,12 +21,6 @@ Output = pytest.CaptureFixture[str]
 Columns = Mapping[str, Sequence[Any]]
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def write(name: str, columns: Columns, mark: str = ",") -> str:
     """Write columns to a file in the format of its name."""
     path, table = Path(name), {n: list(each) for n, each in columns.items()}
