@@ -111,19 +111,12 @@ def _events(
         times, places = every[apart_from], order[apart_from]
         spans[messages.topic] = times
         for variable, values in zip(messages.variables, messages.values, strict=True):
-            _, note = one_record(
-                every,
-                np.array(values, np.float64)[order],
-                choice,
-                f"{messages.topic}, '{variable}'",
-                (every - bag.begin) / 1e9,
-            )
-            notes += filter(None, [note])
-            numbers = np.array(values, np.float64)[places]
-            found_at = times, numbers
+            numbers, seconds = np.array(values, np.float64), (every - bag.begin) / 1e9
+            subject = f"{messages.topic}, '{variable}'"
+            one_record(every, numbers[order], choice, subject, notes, seconds)
+            signals[variable] = times, numbers[places]
             if columns.missing != "unknown":
-                found_at = _numbers(bag, messages.topic, variable, times, numbers)
-            signals[variable] = found_at
+                signals[variable] = _numbers(bag, messages.topic, variable, *signals[variable])
     _check_clocks(bag, offsets)
     zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
@@ -141,7 +134,7 @@ def _events(
     offset = min(offsets.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ends = {name: np.unique(np.append(times, end)) for name, times in recorded.items()}
-    seconds = {name: (times - zero) / 1e9 for name, times in ends.items()}
+    recorded_at = {name: (times - zero) / 1e9 for name, times in ends.items()}
     notes += _missing(read, columns)
     notes += _silences(bag.source, spans, zero, end, columns)
     names = dict.fromkeys(v for spec in specs.values() for v in spec.variables)
@@ -160,7 +153,7 @@ def _events(
         start_known=columns.start == "known",
         absent=absent,
     )
-    return trace, seconds
+    return trace, recorded_at
 
 
 def _read(

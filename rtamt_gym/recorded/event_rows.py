@@ -88,8 +88,7 @@ def read_events(
         if not rows.sparse and columns.missing != "unknown":
             empty += _empty_cells(name, values)
         where = rows.source, f"column '{column}'"
-        signals[name], note = _signal(name, times, values, there_at, where, columns)
-        notes += filter(None, [note])
+        signals[name] = _signal(name, (times, values), there_at, where, columns, notes)
     if empty:
         notes.append(_empty_note(empty))
     rows = replace(rows, notes=notes)
@@ -98,24 +97,22 @@ def read_events(
 
 def _signal(
     name: str,
-    times: Floats,
-    values: Floats,
+    records: tuple[Floats, Floats],
     unknown: NDArray[np.bool_] | np.bool_ | None,
     where: tuple[str, str],
     columns: Columns,
-) -> tuple[tuple[Floats, Floats], str]:
-    """Return the events of a variable, one for each instant, and a note on others."""
-    source, column = where
+    notes: list[str],
+) -> tuple[Floats, Floats]:
+    """Return the events of a variable, one for each instant; a note on others is appended."""
+    (times, values), (source, column) = records, where
     recorded = ~np.isnan(values)
     if unknown is not None:
         recorded |= unknown
     if not recorded.any() and name not in columns.starts:
         raise InputError(f"{source}: expected events of '{name}', got none")
     at, values = (times, values) if recorded.all() else (times[recorded], values[recorded])
-    places, note = one_record(at, values, columns.same_time, f"{source}, {column}")
-    if len(places) == len(at):
-        return (at, values), note
-    return (at[places], values[places]), note
+    places = one_record(at, values, columns.same_time, f"{source}, {column}", notes)
+    return (at, values) if len(places) == len(at) else (at[places], values[places])
 
 
 def _empty_cells(name: str, values: Floats) -> list[str]:
@@ -253,8 +250,7 @@ def _read_long(
         if columns.missing != "unknown":
             empty += _empty_cells(name, values)
         where = rows.source, f"'{called}'"
-        signals[name], note = _signal(name, at, values, unknown, where, columns)
-        notes += filter(None, [note])
+        signals[name] = _signal(name, (at, values), unknown, where, columns, notes)
     if empty:
         notes.append(_empty_note(empty))
     rows = replace(rows, notes=notes)

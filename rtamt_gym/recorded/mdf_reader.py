@@ -122,8 +122,7 @@ class MdfRecording(Recording):
         bits = signal.invalidation_bits
         if bits is not None:
             values[np.asarray(bits, bool)] = np.nan
-        places, note = one_record(times, values, self._same_time, phrase)
-        notes += filter(None, [note])
+        places = one_record(times, values, self._same_time, phrase, notes)
         return _Signal(times[places], values[places])
 
 

@@ -161,17 +161,15 @@ def _one_row_a_time(trace: Trace, columns: Columns) -> Trace:
     if not same.any() or (np.diff(trace.times.since)[~same] < 0).any():
         return trace  # decreasing times are an error later
     first = np.append(True, ~same)
-    group, seconds, notes = np.cumsum(first) - 1, trace.times.seconds, [*trace.notes]
+    group, notes = np.cumsum(first) - 1, [*trace.notes]
     merged = {}
     for name, values in trace.columns.items():
         (there,) = np.nonzero(~np.isnan(values))
         phrase = f"{trace.source}, column '{columns.column(name)}'"
-        places, note = one_record(
-            trace.times.since[there], values[there], columns.same_time, phrase, seconds[there]
-        )
-        notes += filter(None, [note])
+        since, seconds = trace.times.since[there], trace.times.seconds[there]
+        places = there[one_record(since, values[there], columns.same_time, phrase, notes, seconds)]
         merged[name] = np.full(int(first.sum()), np.nan)
-        merged[name][group[there[places]]] = values[there[places]]
+        merged[name][group[places]] = values[places]
     return replace(trace.selected(np.nonzero(first)[0]), columns=merged, notes=notes)
 
 

@@ -376,17 +376,16 @@ def one_record(
     values: NDArray[Any],
     choice: SameTime | None,
     subject: str,
+    notes: list[str],
     seconds: Floats | None = None,
-) -> tuple[NDArray[np.intp], str]:
-    """Keep one record of a signal for each instant.
+) -> NDArray[np.intp]:
+    """Return the indices of one record of a signal for each instant.
 
-    Returns:
-        The indices of the records to keep, and a note on omitted records that differ; empty without
-        such records.
+    A note on omitted records that differ is appended. Times are seconds unless these are given.
     """
     same = same_as_before(times)
     if not same.any():
-        return np.arange(len(times)), ""
+        return np.arange(len(times))
     before, after = values[:-1], values[1:]
     unequal = before != after
     if values.dtype.kind == "f":
@@ -397,7 +396,7 @@ def one_record(
     instants = times if seconds is None else seconds
     ends = np.append(~same, True)
     if not len(differing):
-        return np.nonzero(starts)[0], ""
+        return np.nonzero(starts)[0]
     (first,) = np.nonzero(starts)
     position = int(first[differing[0]])
     count = int((group == differing[0]).sum())
@@ -412,10 +411,11 @@ def one_record(
             f"{number(values[change])} and {number(values[change + 1])}{more}{advice}"
         )
     more = f" and at {counted(len(differing) - 1, 'more time')}" * (len(differing) > 1)
-    note = (
-        f"the {choice} of {count} different records at {_text(instants[position])} s{more} counts"
+    notes.append(
+        f"{subject}: the {choice} of {count} different records at {_text(instants[position])} s"
+        f"{more} counts"
     )
-    return np.nonzero(starts if choice == "first" else ends)[0], f"{subject}: {note}"
+    return np.nonzero(starts if choice == "first" else ends)[0]
 
 
 def common_instants(columns: list[Floats]) -> Floats:

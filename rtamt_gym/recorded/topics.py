@@ -78,8 +78,8 @@ class TopicRecording(Recording):
                 )
             check_rising(times[stamped] / 1e6, f"{self.source}, {topic}")
             micros, numbers = times[stamped], np.asarray(values[stamped], np.float64)
-            places, note = one_record(micros, numbers, self._same_time, f"'{name}'", micros / 1e6)
-            notes += filter(None, [note])
+            seconds = micros / 1e6
+            places = one_record(micros, numbers, self._same_time, f"'{name}'", notes, seconds)
             ordered[name] = TopicField(topic, micros[places], numbers[places])
             if not stamped.all():
                 left = counted(int((~stamped).sum()), "record")

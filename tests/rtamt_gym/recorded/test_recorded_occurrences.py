@@ -218,9 +218,9 @@ CLIPPED = "always(x < 5)"
 
 
 @pytest.fixture(autouse=True)
-def drive(folder: Path) -> Path:
+def trip(folder: Path) -> Path:
     """The working directory with a trace of 15 s and two violations, from 3 s and from 10 s."""
-    frame().to_csv("drive.csv", index=False)
+    frame().to_csv("trip.csv", index=False)
     return folder
 
 
@@ -240,7 +240,7 @@ def expected(begin: float, end: float) -> pd.DataFrame:
 
 
 def test_csv_clips_keep_all_columns(capsys: Output) -> None:
-    first, second = clipped("drive.csv", "--clip-around", "1s")
+    first, second = clipped("trip.csv", "--clip-around", "1s")
     assert [first.name, second.name] == ["0001_spec_3s.csv", "0002_spec_10s.csv"]
     pd.testing.assert_frame_equal(pd.read_csv(first), expected(2, 5))
     pd.testing.assert_frame_equal(pd.read_csv(second), expected(9, 11.5))
@@ -248,24 +248,24 @@ def test_csv_clips_keep_all_columns(capsys: Output) -> None:
 
 
 def test_parquet_keeps_its_types_and_columns() -> None:
-    frame().to_parquet("drive.parquet")
-    first, second = clipped("drive.parquet")
+    frame().to_parquet("trip.parquet")
+    first, second = clipped("trip.parquet")
     assert second.suffix == ".parquet"
     pd.testing.assert_frame_equal(pd.read_parquet(first).reset_index(drop=True), expected(1, 6))
 
 
 def test_a_clip_is_violated_itself(capsys: Output) -> None:
-    for clip in clipped("drive.csv"):
+    for clip in clipped("trip.csv"):
         assert main(["monitor", CLIPPED, str(clip)]) == 1
         assert "VIOLATED, robustness -4" in capsys.readouterr().out
 
 
-def test_lines_above_and_quoted_cells_stay(drive: Path) -> None:
+def test_lines_above_and_quoted_cells_stay(folder: Path) -> None:
     lines = ["# a comment", "time;x;note", "s;m;-", '0;1;"a;b"', '1;9;"two', 'lines"', "2;1;c"]
-    (drive / "odd.csv").write_text("\n".join([*lines, *(f"{i};1;d" for i in range(3, 9))]) + "\n")
+    (folder / "odd.csv").write_text("\n".join([*lines, *(f"{i};1;d" for i in range(3, 9))]) + "\n")
     (clip,) = clipped("odd.csv", "--clip-around", "0.5s")
     assert clip.read_text() == "\n".join(lines[:3] + lines[4:7]) + "\n"
-    (drive / "cell.csv").write_text("\n".join([*lines[:6]]) + "\n")
+    (folder / "cell.csv").write_text("\n".join([*lines[:6]]) + "\n")
     (clip,) = main_again("cell.csv", "--clip-around", "0.5s")
     assert clip.read_text() == "\n".join(lines[:3] + lines[4:6]) + "\n"
 
@@ -275,17 +275,17 @@ def main_again(trace: str, *words: str) -> list[Path]:
     return [*Path("more").iterdir()]
 
 
-def test_gzip_stays_gzip(drive: Path) -> None:
-    with gzip.open(drive / "drive.csv.gz", "wt") as file:
-        file.write((drive / "drive.csv").read_text())
-    first, _ = clipped("drive.csv.gz", "--clip-around", "1s")
+def test_gzip_stays_gzip(folder: Path) -> None:
+    with gzip.open(folder / "trip.csv.gz", "wt") as file:
+        file.write((folder / "trip.csv").read_text())
+    first, _ = clipped("trip.csv.gz", "--clip-around", "1s")
     assert first.name.endswith(".csv.gz")
     pd.testing.assert_frame_equal(pd.read_csv(first), expected(2, 5))
 
 
-def test_groups_of_a_table(drive: Path) -> None:
+def test_groups_of_a_table(folder: Path) -> None:
     rows = [f"{i},{name},{9 if (i, name) == (3, 'b') else 1}" for i in range(8) for name in "ab"]
-    (drive / "groups.csv").write_text("\n".join(["time,id,x", *rows]) + "\n")
+    (folder / "groups.csv").write_text("\n".join(["time,id,x", *rows]) + "\n")
     (clip,) = clipped("groups.csv", "--by", "id", "--clip-around", "1s")
     table = pd.read_csv(clip)
     own = table[table["id"] == "b"]
@@ -315,12 +315,12 @@ def test_clip_of_wide_table_has_all_rows(end: str, *, by_object: bool, capsys: O
 
 
 def test_number_of_clips_is_limited(capsys: Output) -> None:
-    assert len(clipped("drive.csv", "--clip-limit", "1")) == 1
+    assert len(clipped("trip.csv", "--clip-limit", "1")) == 1
     assert "1 clip: clips; --clip-limit leaves out 1 violation\n" in capsys.readouterr().out
 
 
 def test_no_violation_leaves_an_empty_folder(capsys: Output) -> None:
-    assert main(["monitor", "always(x < 99)", "drive.csv", "--clip", "clips"]) == 0
+    assert main(["monitor", "always(x < 99)", "trip.csv", "--clip", "clips"]) == 0
     assert "0 clips: clips\n" in capsys.readouterr().out
     assert not [*Path("clips").iterdir()]
 
@@ -360,26 +360,26 @@ def refused(capsys: Output, *words: str) -> str:
     return capsys.readouterr().err
 
 
-def test_refusals(drive: Path, capsys: Output) -> None:
-    (drive / "full").mkdir()
-    (drive / "full" / "own.txt").write_text("mine")
-    assert refused(capsys, "drive.csv", "--clip", "full") == (
+def test_refusals(folder: Path, capsys: Output) -> None:
+    (folder / "full").mkdir()
+    (folder / "full" / "own.txt").write_text("mine")
+    assert refused(capsys, "trip.csv", "--clip", "full") == (
         "rtamt: error: --clip: expected an empty folder or a new one, got full\n"
     )
-    frame().drop(columns="note").to_feather("drive.feather")
-    assert "expected a CSV or Parquet file or a bag, got drive.feather" in refused(
-        capsys, "drive.feather", "--clip", "clips"
+    frame().drop(columns="note").to_feather("trip.feather")
+    assert "expected a CSV or Parquet file or a bag, got trip.feather" in refused(
+        capsys, "trip.feather", "--clip", "clips"
     )
     assert "expected the times of the recording, got --period" in refused(
-        capsys, "drive.csv", "--clip", "clips", "--period", "1"
+        capsys, "trip.csv", "--clip", "clips", "--period", "1"
     )
     assert "--clip-around sets how clips are cut; add --clip FOLDER" in refused(
-        capsys, "drive.csv", "--clip-around", "1s"
+        capsys, "trip.csv", "--clip-around", "1s"
     )
-    (drive / "plain.csv").write_text("x\n1\n9\n")
+    (folder / "plain.csv").write_text("x\n1\n9\n")
     assert "which clips need. If a column holds times, name it with --time COLUMN." in refused(
         capsys, "plain.csv", "--clip", "clips"
     )
     assert "--clip-around: expected" in refused(
-        capsys, "drive.csv", "--clip", "clips", "--clip-around", "soon"
+        capsys, "trip.csv", "--clip", "clips", "--clip-around", "soon"
     )

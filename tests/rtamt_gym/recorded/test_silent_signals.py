@@ -468,13 +468,14 @@ def test_one_record_keeps_the_chosen_one(rows: Rows, choice: str | None) -> None
     groups = {time: [str(v) for t, v in rows if t == time] for time in times}
     if choice is None and any(len({*group}) > 1 for group in groups.values()):
         with pytest.raises(InputError, match="--same-time first or --same-time last"):
-            one_record(times, values, None, "t")
+            one_record(times, values, None, "t", [])
         return
-    kept, note = one_record(times, values, choice, "t")  # type: ignore[arg-type]
+    notes: list[str] = []
+    kept = one_record(times, values, choice, "t", notes)  # type: ignore[arg-type]
     assert times[kept].tolist() == [*groups]
     place = -1 if choice == "last" else 0
     assert [str(v) for v in values[kept]] == [group[place] for group in groups.values()]
-    assert bool(note) == any(len({*group}) > 1 for group in groups.values())
+    assert bool(notes) == any(len({*group}) > 1 for group in groups.values())
 
 
 def _csv(rows: Rows) -> str:
