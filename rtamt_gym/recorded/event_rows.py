@@ -64,7 +64,9 @@ def read_events(
         )
     if roles.time is None and table:
         wanted = roles.with_times(Wanted((), cells=recording.names[:1]))
-        roles.check_times(recording.read(wanted))
+        rows = recording.read(wanted)
+        if rows.count:
+            roles.check_times(rows)
     time = roles.time or TimeColumn(TIME)
     roles = replace(roles, time=time)
     check_names(recording, time.columns)

@@ -172,7 +172,7 @@ class GroupTable:
             self.values.setdefault(key, dict(zip(self._columns.by, values, strict=True)))
         self._check_totals(rows)
         for i, name in enumerate(self._columns.by):
-            check_one_writing(self.source, name, {keys[i] for keys in self.rows})
+            check_one_writing(self.source, name, dict.fromkeys(keys[i] for keys in self.rows))
 
     def _check_totals(self, rows: Rows) -> None:
         """Check that a last row that is alone in its group does not name totals."""
@@ -524,7 +524,7 @@ class SortedGroups:
         if not self.values:
             raise InputError(f"{self._source}: expected at least one row, got none")
         for i, name in enumerate(self._by):
-            check_one_writing(self._source, name, {key[i] for key in self.values})
+            check_one_writing(self._source, name, dict.fromkeys(key[i] for key in self.values))
         self._spans = self._parts()
 
     def _add(self, first: int, rows: Rows, chosen: NDArray[np.intp]) -> None:

@@ -20,7 +20,13 @@ from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
 from rtamt_gym.recorded.columns import Columns, SameTime
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TIME, check_rising, common_instants, one_record
+from rtamt_gym.recorded.times import (
+    TIME,
+    check_own_times,
+    check_rising,
+    common_instants,
+    one_record,
+)
 
 _DOMAINS: Final[Mapping[int | None, str]] = {2: "angle", 3: "distance", 4: "row numbers"}
 """What the master channel of a group of MDF 4 may count other than time."""
@@ -65,6 +71,7 @@ class MdfRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted channels."""
+        check_own_times(self.source, wanted.time)
         names = dict.fromkeys([*wanted.numbers, *wanted.texts])
         signals: dict[str, Any] = {}
         notes: list[str] = []

@@ -46,7 +46,7 @@ class WideRecording(Recording):
                 f"{rows.where(row)}, column '{key}': expected the name of an object for --wide, "
                 "got an empty cell"
             )
-        check_one_writing(self.source, key, {*objects})
+        check_one_writing(self.source, key, dict.fromkeys(objects))
         row_columns = {key, *time.columns, *columns.where, *columns.by}
         # The columns and objects of each name; a name with several of them cannot be read.
         self._places: dict[str, list[tuple[str, str]]] = {}

@@ -428,6 +428,12 @@ def test_rounded_times_have_no_choice_of_records(capsys: Output) -> None:
         assert (code, "as if times were rounded" in text, "--same-time" in text) == (2, True, False)
 
 
+def test_events_without_rows_error(capsys: Output) -> None:
+    Path("log.csv").write_text("a,v\n")
+    code, text = judged(capsys, "always[0:1](v > 0)", "log.csv", "--dense")
+    assert (code, "no column 'time', which --dense reads" in text) == (2, True)
+
+
 def test_unnamed_days_are_not_seconds(capsys: Output) -> None:
     name = write_log("A,v", [f"{45413.5 + i / 24:.8f}" for i in range(30)], low=2)
     code, text = judged(capsys, "eventually[0:3600](v < 0)", name)

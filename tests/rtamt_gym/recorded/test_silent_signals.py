@@ -394,6 +394,16 @@ def test_times_that_go_back_are_refused(write: Writer, tmp_path: Path, capsys: O
     assert "expected times that increase, got" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("write", [mdf, ulog])
+def test_column_in_place_of_record_times_error(
+    write: Writer, tmp_path: Path, capsys: Output
+) -> None:
+    path, options = write(tmp_path, [(0, 1), (1, 1)])
+    column = "v" if write is mdf else "pos.z"
+    assert main(["monitor", "always(v >= 0)", path, *options, "--time", column]) == 2
+    assert "because each record has its own time, got --time" in capsys.readouterr().err
+
+
 def test_last_bit_differences_are_one_clock(tmp_path: Path, capsys: Output) -> None:
     fast: Rows = [
         (float(time), 1 - 2 * (index == 150)) for index, time in enumerate(np.arange(0, 2, 0.01))
