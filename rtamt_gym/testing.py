@@ -20,8 +20,8 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import read_trace
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
 from rtamt_gym.search.falsification.points import Floats
 from rtamt_gym.search.falsification.search import SearchOver

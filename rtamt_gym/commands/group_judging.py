@@ -22,8 +22,8 @@ from rtamt_gym.recorded.group_traces import GroupBlock, GroupTraces
 from rtamt_gym.recorded.groups import GroupTable, groups_by_table
 from rtamt_gym.recorded.judge import TraceJudgement, judge, viewed
 from rtamt_gym.recorded.readers import format_of
-from rtamt_gym.recorded.ruled import checked_columns
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import checked_columns
 from rtamt_gym.results.outcome import Failure
 
 _BLOCK: Final = 1 << 20

@@ -220,7 +220,7 @@ def _context() -> BaseContext:
     return context
 
 
-_READERS: Final = ("rtamt_gym.recorded.ruled", "rtamt_gym.recorded.csv_reader")
+_READERS: Final = ("rtamt_gym.recorded.trace_files", "rtamt_gym.recorded.csv_reader")
 """Modules of the most frequent format, which would otherwise be imported with the first trace."""
 
 

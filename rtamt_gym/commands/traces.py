@@ -444,8 +444,8 @@ def refuse_unknown(options: argparse.Namespace, command: str, does: str) -> None
 def read_trace_of(request: TracesAsked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
     """Read a trace and its period: ``--period``, or the period of the samples, or None."""
     from rtamt_gym.recorded.judge import extent_of
-    from rtamt_gym.recorded.ruled import read_ruled
     from rtamt_gym.recorded.trace import constant_note, outside_ranges
+    from rtamt_gym.recorded.trace_files import read_ruled
 
     trace, period = read_ruled(path, request.specs, request.reading, request.columns)
     if request.min_duration is not None and extent_of(trace, period).length is None:

@@ -32,10 +32,9 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted, selection_notes
 from rtamt_gym.recorded.roles import RowTable, has_time_bounds
-from rtamt_gym.recorded.ruled import IF_EVENTS, check_bounds
-from rtamt_gym.recorded.sample_rows import wanted_samples
 from rtamt_gym.recorded.times import HOLE, TimeAxis, in_seconds, same_as_before, simple, stated_unit
 from rtamt_gym.recorded.trace import PERIODS, Trace
+from rtamt_gym.recorded.trace_files import IF_EVENTS, check_bounds, wanted_samples
 from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import number
 

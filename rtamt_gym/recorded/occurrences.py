@@ -23,8 +23,8 @@ from rtamt_gym.recorded.judge import TraceJudgement, arguments, viewed
 from rtamt_gym.recorded.parts import file_of
 from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.ruled import read_row_times
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_row_times
 from rtamt_gym.results.matrix import indented
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted

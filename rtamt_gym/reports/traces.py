@@ -26,8 +26,8 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.parts import split_name
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.figures import occurrence_figures
 from rtamt_gym.reports.model import (

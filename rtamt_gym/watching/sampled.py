@@ -17,8 +17,8 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats, RawTimes
-from rtamt_gym.recorded.ruled import check_bounds
 from rtamt_gym.recorded.times import HOLE, same_as_before
+from rtamt_gym.recorded.trace_files import check_bounds
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number, time_text
 from rtamt_gym.watching.clock import ClockRules, StreamClock, on_grid, plain_times

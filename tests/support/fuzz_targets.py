@@ -22,7 +22,7 @@ from rtamt.language.formula import make
 from rtamt.language.operators import OPERATORS
 from rtamt_gym.recorded.bag_trace import open_bag
 from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.sample_rows import read_trace
+from rtamt_gym.recorded.trace_files import read_trace
 
 LIMIT = 1 << 14
 """Longer inputs find the same faults more slowly."""

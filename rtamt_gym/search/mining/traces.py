@@ -21,8 +21,8 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.readers import is_bag
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace
+from rtamt_gym.recorded.trace_files import read_ruled
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:

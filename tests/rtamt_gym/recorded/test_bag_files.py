@@ -21,8 +21,8 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import bag_trace
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 SPEC = rtamt.parse(
     "from geometry_msgs.msg import Twist; input Twist cmd; @ topic(cmd, robot0/cmd_vel);"

@@ -13,8 +13,8 @@ import rtamt
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 CUSTOM = {
     "lab_msgs/Wheel": "float32 turn\n",

@@ -18,9 +18,9 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, Missing, read_columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.times import simple
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_trace
 
 
 def read(text: str, columns: Columns | None = None, variables: Sequence[str] = ("x",)) -> Trace:

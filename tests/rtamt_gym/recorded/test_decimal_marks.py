@@ -19,7 +19,7 @@ from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.recording import Wanted
-from rtamt_gym.recorded.sample_rows import read_trace
+from rtamt_gym.recorded.trace_files import read_trace
 
 COMMA = "numbers are read with a decimal comma"
 TWO = "expected numbers that can be read in one way"

@@ -27,9 +27,8 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.readers import formats, open_recording
-from rtamt_gym.recorded.ruled import read_ruled
-from rtamt_gym.recorded.sample_rows import read_trace
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_ruled, read_trace
 from rtamt_gym.testing import check_trace_format
 
 Table = Mapping[str, NDArray[Any]]

@@ -23,8 +23,8 @@ from rtamt_gym import EvaluationOptions, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns, read_seconds
 from rtamt_gym.recorded.judge import extent_of, judge
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 FORMULAS = [
     "always(x > 1 implies eventually[0:1](y > 0))",

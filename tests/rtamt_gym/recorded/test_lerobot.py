@@ -19,8 +19,8 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.parts import part_name, part_of
 from rtamt_gym.recorded.readers import traces_in
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 QUALITY = Path(__file__).parents[3] / "examples/lerobot_quality.stl"
 X = "observation.state.pan.pos"

@@ -27,9 +27,9 @@ from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import TraceJudgement, judge, noticed
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.times import one_record, same_as_before
 from rtamt_gym.recorded.trace import EventTrace, Trace, held
+from rtamt_gym.recorded.trace_files import read_ruled
 
 Table = Mapping[str, NDArray[np.float64]]
 Write = Callable[[Path, Table], object]

@@ -16,8 +16,8 @@ from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import traces_in
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 Output = pytest.CaptureFixture[str]
 Rows = Sequence[tuple[object, ...]]

@@ -18,8 +18,8 @@ from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import traces_in
-from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
+from rtamt_gym.recorded.trace_files import read_ruled
 
 Object = tuple[str, str, int, Sequence[float]]
 """The kind and the name of an object, its first step, and its speeds."""
