@@ -145,37 +145,12 @@ def test_times_are_not_taken_for_an_index(
     assert "200 samples, one every 0.01 s, " in out
 
 
-@pytest.mark.parametrize("unit", ["ns", "us", "ms"])
-def test_other_units_are_not_taken_for_seconds(
-    unit: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    factor = {"ms": 1, "us": 10**3, "ns": 10**6}[unit]
-    write("timestamp", [(ms + EPOCH) * factor for ms in MS])
-    assert main(["monitor", SPEC, "trace.csv"]) == 2
-    assert "expected times in seconds in the column 'timestamp', got " in capsys.readouterr().err
-    assert main(["monitor", SPEC, "trace.csv", "--time-unit", unit]) == 1
-
-
 def test_period_with_jitter_error(capsys: pytest.CaptureFixture[str]) -> None:
     write("time", MS)
     assert main(["monitor", SPEC, "trace.csv", "--period", "10ms", "--jitter", "5%"]) == 2
     assert capsys.readouterr().err == (
         "rtamt: error: expected --period, which leaves the times aside, or --jitter\n"
     )
-
-
-def test_resampled_trace_note(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    # The rows from 0.4 s to 0.54 s were lost; what holds there was not recorded.
-    kept = [i for i in range(60) if not 40 <= i < 55] + [*range(60, 90)]
-    x = [10.0] * len(kept)
-    pd.DataFrame({"time": [i / 100 for i in kept], "x": x}).to_csv("trace.csv", index=False)
-    assert main(["monitor", SPEC, "trace.csv"]) == 2
-    assert "trace.csv, line 42: expected samples at even distances" in capsys.readouterr().err
-    main(["monitor", SPEC, "trace.csv", "--jitter", "5%"])
-    out = " ".join(capsys.readouterr().out.split())
-    assert "the longest gap, 0.16 s, follows trace.csv, line 41" in out
 
 
 @pytest.mark.parametrize(

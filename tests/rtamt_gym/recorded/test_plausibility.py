@@ -196,14 +196,6 @@ def write_late(folder_passes: Path, column: str, step: float) -> None:
     (folder_passes / "late.csv").write_text("\n".join([f"{column},req,gnt", *rows]))
 
 
-@pytest.mark.parametrize("column", ["time", "timestamp", "t", "stamp", "Time [s]"])
-@pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_a_column_of_times_is_no_index(column: str, dense: list[str], folder_passes: Path) -> None:
-    write_late(folder_passes, column, 0.5)  # granted after 1.5 s, 3 samples
-    assert main(["monitor", LATE, "late.csv", *dense]) == 1
-    assert main(["monitor", LATE.replace("[0:1]", "[0:1.5]"), "late.csv", *dense]) == 0
-
-
 @pytest.mark.parametrize(
     ("column", "options"),
     [("timestamp_ns", []), ("timestamp", ["--time-unit", "ns"]), ("time [ns]", [])],
@@ -216,15 +208,6 @@ def test_nanoseconds_are_no_seconds(
     assert main(["monitor", LATE, "late.csv", *options, *dense]) == 1
     assert main(["monitor", LATE.replace("[0:1]", "[0:3]"), "late.csv", *options, *dense]) == 0
     assert ", 0 s to 7 s, 7 s long, longest gap 1 s\n" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("dense", [[], ["--dense"]])
-def test_implausible_times_need_a_unit(
-    dense: list[str], folder_passes: Path, capsys: Output
-) -> None:
-    write_late(folder_passes, "timestamp", 1e9)
-    assert main(["monitor", LATE, "late.csv", *dense]) == 2
-    assert "; give the unit with --time-unit, such as ns, ms or s\n" in capsys.readouterr().err
 
 
 def test_a_trace_that_was_resampled_says_so(folder_passes: Path, capsys: Output) -> None:
