@@ -96,7 +96,10 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
 def split_text(
     path: str, separator: str, width: int, above: int, places: Collection[int]
 ) -> list[TextCells] | None:
-    """Return columns of a file of text as pyarrow splits it; None if it does not."""
+    """Return the columns at some places of a text as pyarrow splits it; None if it does not.
+
+    The rows have a width, and lines above the first of them.
+    """
     names = list(map(str, range(width)))
     try:
         table = csv.read_csv(

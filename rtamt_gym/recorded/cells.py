@@ -287,7 +287,10 @@ def read_dates(texts: Sequence[str], order: DateOrder | None = None) -> RawTimes
 def times_of_texts(
     texts: Sequence[str], days: Sequence[str] | None = None, order: DateOrder | None = None
 ) -> RawTimes | None:
-    """Return the dates, times of day or durations in texts; None if one is not such a time."""
+    """Return the dates, times of day or durations in texts; None if one is not such a time.
+
+    The days are the dates of texts that are times of day, in a column of their own.
+    """
     joined = texts if days is None else [f"{d} {t}" for d, t in zip(days, texts, strict=True)]
     for candidates in (joined, texts) if days is not None else (texts,):
         dates = read_dates(candidates, order)

@@ -300,7 +300,8 @@ def find_times(
 
     A column ``time`` has priority. Other plain names come before seconds with a column of
     nanoseconds, dates, less usual names and fields such as ``header.stamp``. A column of dates
-    completes a column ``time`` that holds times of day.
+    completes a column ``time`` that holds times of day. Columns that specifications read do not
+    count as times by a less usual name, and several such names are an error if times are needed.
     """
     column = _found(recording, columns, read, needed=needed)
     if column is not None and column.part is not None and column.part.unit and columns.time_unit:

@@ -201,7 +201,7 @@ def check_clips(folder: Path, paths: Iterable[str]) -> None:
 
 
 def clips_of(rows: Sequence[Trial], around: float, most: int) -> tuple[list[list[Clip]], int]:
-    """Return the clips of each trace, and the number of violations without one."""
+    """Return the clips of each trace, and the number of violations beyond the most clips of all."""
     clips: list[list[Clip]] = [[] for _ in rows]
     count = total = 0
     for row, own in zip(rows, clips, strict=True):
@@ -284,7 +284,10 @@ def _write_text(file: str, columns: Columns, spans: Mapping[Path, tuple[int, int
 
 
 def _rows(lines: Sequence[bytes], first: int, last: int) -> Sequence[bytes]:
-    """Return the lines of rows."""
+    """Return the lines of rows, by the last line of the first and of the last row, from 1.
+
+    A quoted cell of the first row may start above.
+    """
     begin = first - 1
     while begin > 0 and sum(line.count(b'"') for line in lines[begin:first]) % 2:
         begin -= 1

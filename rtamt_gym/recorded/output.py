@@ -267,7 +267,11 @@ def json_parts(
     mutants: Mapping[str, Any] | None = None,
     groups: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
 ) -> Iterator[str]:
-    """Yield the traces as a result of the kind ``"traces"``, in parts."""
+    """Yield the traces as a result of the kind ``"traces"``, in parts.
+
+    The column options are those that are not the default, and a group is the key values of a trace
+    in its file.
+    """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
     default = Columns()
     options: dict[str, Any] = {

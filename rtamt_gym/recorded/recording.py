@@ -226,7 +226,7 @@ class RowFilter:
 def check_one_writing(
     source: str, column: str, texts: Collection[str], value: str | None = None
 ) -> None:
-    """Check that no whole number is written in two ways, such as 7 and 7.0."""
+    """Check that no whole number, or one value, is written in two ways, such as 7 and 7.0."""
     for text in texts:
         whole = _WHOLE.fullmatch(text)
         if whole is None or whole["number"] not in texts:

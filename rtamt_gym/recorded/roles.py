@@ -96,7 +96,7 @@ class RowTable:
     def of(
         recording: Recording, variables: Collection[str], columns: Columns, *, needed: bool = True
     ) -> RowTable:
-        """Return the table with its columns of times, which may be needed."""
+        """Return the table with its columns of times; several are an error if they are needed."""
         read = {columns.column(name) for name in variables}
         time = find_times(recording, columns, read=read, needed=needed)
         return RowTable(recording, columns, read, time)

@@ -95,7 +95,11 @@ _END: Final = "\0end"
 def rows_of(
     lines: Iterable[str], separator: str, before: int = 0, source: str = "text", width: int = 0
 ) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not empty, with the number of their last line."""
+    """Yield the rows that are not empty, with the number of their last line.
+
+    If their width is stated, the lines go to the end of the text, and quotes that may hide rows are
+    an error.
+    """
     if separator == " ":
         lines = (line.strip() for line in lines)
     if width:

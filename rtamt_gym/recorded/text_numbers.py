@@ -102,7 +102,11 @@ class ColumnMarks:
         return leading > 1 or self.digits == 3 or (self.digits > 0 and self.padded)
 
     def add(self, cells: TextCells, row: int, *, brief: bool) -> None:
-        """Add the evidence of further cells."""
+        """Add the evidence of further cells.
+
+        A brief search stops when each mark that occurs is certain, and misses cells that are not
+        numbers.
+        """
         present = {mark for mark in OTHER_MARK if cells.has(mark)}
         if not present:
             self._add_unmarked(cells, row)
@@ -192,7 +196,7 @@ class TextNumbers:
         *,
         complete: bool = False,
     ) -> None:
-        """Add the cells of further rows."""
+        """Add the cells of further rows; complete cells are all rows of the file."""
         time = self._wanted.time
         if not self._rows and time is not None and not _holds_numbers(cells[time][:1]):
             self._searched = [name for name in self._read if name != time]  # it holds dates

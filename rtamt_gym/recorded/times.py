@@ -190,7 +190,7 @@ class TimeAxis:
         rows: NDArray[np.intp] | None = None,
         subject: str = "",
     ) -> None:
-        """Check that times do not decrease; times may repeat."""
+        """Check that times, or the times of some rows, do not decrease; times may repeat."""
         since = self.since if rows is None else self.since[rows]
         with np.errstate(over="ignore"):
             back = np.diff(since) < 0

@@ -262,6 +262,9 @@ def read_trace(
 ) -> Trace:
     """Read samples of the variables, and their times if there is a column of times.
 
+    A stated period replaces the times. Time bounds need times or a period, and rows of one table
+    may belong to several objects.
+
     Example:
         >>> from rtamt_gym.recorded.csv_reader import CsvRecording
         >>> trace = read_trace(CsvRecording(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
@@ -417,7 +420,10 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
 
 
 def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Trace:
-    """Return the trace after the treatment of empty cells, which are nan."""
+    """Return the trace after the treatment of empty cells, which are nan.
+
+    If time bounds count its rows, no row between them may be omitted.
+    """
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
     if not counts:
