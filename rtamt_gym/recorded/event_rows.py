@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,65 +79,68 @@ def read_events(
         roles.check_rows(rows, filled, there)
     roles.check_valid(rows)
     axis = _event_times(rows, time, columns)
-    times = axis.seconds
     axis.check_order(rows.where)
-    notes = [*rows.notes]
-    signals, empty = {}, []
-    for name in there:
-        column = columns.column(name)
-        values = rows.numbers[column]
-        there_at = rows.invalid.get(column, np.True_) if columns.missing == "unknown" else None
-        if not rows.sparse and columns.missing != "unknown":
-            empty += _empty_cells(name, values)
-        where = rows.source, f"column '{column}'"
-        signals[name] = _signal(name, (times, values), there_at, where, columns, notes)
-    if empty:
-        notes.append(_empty_note(empty))
-    rows = replace(rows, notes=notes)
-    return _events(rows, signals, variables, columns, axis)
+    times = axis.seconds
+
+    def records() -> Iterator[_Records]:
+        for name in there:
+            column = columns.column(name)
+            unknown = rows.invalid.get(column, np.ones(rows.count, bool))
+            yield _Records(name, f"column '{column}'", times, rows.numbers[column], unknown)
+
+    return _events(rows, records(), variables, columns, axis)
 
 
-def _signal(
-    name: str,
-    records: tuple[Floats, Floats],
-    unknown: NDArray[np.bool_] | np.bool_ | None,
-    where: tuple[str, str],
-    columns: Columns,
-    notes: list[str],
-) -> tuple[Floats, Floats]:
-    """Return the events of a variable, one for each instant; a note on others is appended."""
-    (times, values), (source, column) = records, where
-    recorded = ~np.isnan(values)
-    if unknown is not None:
-        recorded |= unknown
-    if not recorded.any() and name not in columns.starts:
-        raise InputError(f"{source}: expected events of '{name}', got none")
-    at, values = (times, values) if recorded.all() else (times[recorded], values[recorded])
-    places = one_record(at, values, columns.same_time, f"{source}, {column}", notes)
-    return (at, values) if len(places) == len(at) else (at[places], values[places])
+class _Records(NamedTuple):
+    """The records of a variable, with nan where there is no number.
 
+    Attributes:
+        name: The variable.
+        label: Its name in the file, for messages.
+        times: The times in seconds.
+        values: The values.
+        unknown: Which records without a number are events, if their values are unknown then.
+    """
 
-def _empty_cells(name: str, values: Floats) -> list[str]:
-    """Return the number of empty cells of a variable; otherwise, an empty list."""
-    count = int(np.isnan(values).sum())
-    return [f"{name}: {count}"] if count else []
+    name: str
+    label: str
+    times: Floats
+    values: Floats
+    unknown: NDArray[np.bool_]
 
-
-def _empty_note(empty: Sequence[str]) -> str:
-    return f"empty cells are not events: the value before holds ({', '.join(empty)})"
+    def events(self, source: str, columns: Columns, notes: list[str]) -> tuple[Floats, Floats]:
+        """Return the events, one for each instant; a note on others is appended."""
+        there = ~np.isnan(self.values)
+        if columns.missing == "unknown":
+            there |= self.unknown
+        if not there.any() and self.name not in columns.starts:
+            raise InputError(f"{source}: expected events of '{self.name}', got none")
+        at, values = self.times, self.values
+        if not there.all():
+            at, values = at[there], values[there]
+        places = one_record(at, values, columns.same_time, f"{source}, {self.label}", notes)
+        return (at, values) if len(places) == len(at) else (at[places], values[places])
 
 
 def _events(
     rows: Rows,
-    signals: Mapping[str, tuple[Floats, Floats]],
+    records: Iterable[_Records],
     variables: Sequence[str],
     columns: Columns,
     axis: TimeAxis,
 ) -> EventTrace:
     """Return the trace, with defaults from its first row; values hold to its last row."""
-    times = axis.seconds
+    times, notes, signals = axis.seconds, [*rows.notes], {}
     begin, end = float(times.min()), float(times.max())
-    notes = [*rows.notes, *selection_notes(rows.count, columns.where)]
+    empty = []
+    for own in records:
+        count = int(np.isnan(own.values).sum())
+        if count and not rows.sparse and columns.missing != "unknown":
+            empty.append(f"{own.name}: {count}")
+        signals[own.name] = own.events(rows.source, columns, notes)
+    if empty:
+        notes.append(f"empty cells are not events: the value before holds ({', '.join(empty)})")
+    notes += selection_notes(rows.count, columns.where)
     completed, defaults, none = {}, {}, []
     for name in variables:
         at, values = signals.get(name, (times[:0], times[:0]))
@@ -167,6 +170,19 @@ def _events(
         start_known=columns.start == "known",
         absent=none,
     )
+    recorded, wrong = _recorded(signals, end, columns)
+    if wrong:
+        note = f"events without a number are unknown ({'; '.join(wrong)})"
+        trace = replace(trace, notes=[*trace.notes, note])
+    trace = measured(trace, recorded, columns)
+    gap = trace.gap.note if trace.gap and trace.gap.long and columns.max_gap is None else ""
+    return replace(trace, notes=[*trace.notes, *filter(None, [axis.unit_note, gap])])
+
+
+def _recorded(
+    signals: Mapping[str, tuple[Floats, Floats]], end: float, columns: Columns
+) -> tuple[dict[str, Floats], list[str]]:
+    """Return when each variable was recorded, up to the end, and the unknown events in words."""
     recorded, wrong = {}, []
     for name, (at, values) in signals.items():
         absent = np.isnan(values) if columns.missing == "unknown" else np.False_
@@ -176,12 +192,7 @@ def _events(
         if absent.any():
             first = number(float(at[absent][0]))
             wrong.append(f"{name}: {int(absent.sum())}, the first at {first} s")
-    if wrong:
-        note = f"events without a number are unknown ({'; '.join(wrong)})"
-        trace = replace(trace, notes=[*trace.notes, note])
-    trace = measured(trace, recorded, columns)
-    gap = trace.gap.note if trace.gap and trace.gap.long and columns.max_gap is None else ""
-    return replace(trace, notes=[*trace.notes, *filter(None, [axis.unit_note, gap])])
+    return recorded, wrong
 
 
 def measured(trace: EventTrace, recorded: Mapping[str, Floats], columns: Columns) -> EventTrace:
@@ -232,31 +243,24 @@ def _read_long(
         filled = {name: named == columns.column(name) for name in variables}
         roles.check_objects(rows, filled)
     axis = _event_times(rows, time, columns)
-    times = axis.seconds
-    known = list(dict.fromkeys(rows.texts[named_by]))
-    signals, notes = {}, [*rows.notes]
-    empty: list[str] = []
+    times, known = axis.seconds, [*dict.fromkeys(rows.texts[named_by])]
     check_recorded(recording.source, known, variables, columns)
     check_near(recording.source, known, variables, columns)
-    for name in recorded_variables(known, variables, columns):
-        called = columns.column(name)
-        if called not in known:
-            raise InputError(
-                f"{recording.source}: no events of '{called}', which the specification reads; "
-                f"the variables are {', '.join(known)}{nearest(called, known)}"
-            )
-        (own_rows,) = np.nonzero(named == called)
-        axis.check_order(rows.where, own_rows, f" of '{called}'")
-        at, values = times[own_rows], rows.numbers[value][own_rows]
-        unknown = np.True_ if columns.missing == "unknown" else None
-        if columns.missing != "unknown":
-            empty += _empty_cells(name, values)
-        where = rows.source, f"'{called}'"
-        signals[name] = _signal(name, (at, values), unknown, where, columns, notes)
-    if empty:
-        notes.append(_empty_note(empty))
-    rows = replace(rows, notes=notes)
-    return _events(rows, signals, variables, columns, axis)
+
+    def records() -> Iterator[_Records]:
+        for name in recorded_variables(known, variables, columns):
+            called = columns.column(name)
+            if called not in known:
+                raise InputError(
+                    f"{recording.source}: no events of '{called}', which the specification reads; "
+                    f"the variables are {', '.join(known)}{nearest(called, known)}"
+                )
+            (own,) = np.nonzero(named == called)
+            axis.check_order(rows.where, own, f" of '{called}'")
+            values = rows.numbers[value][own]
+            yield _Records(name, f"'{called}'", times[own], values, np.ones(len(own), bool))
+
+    return _events(rows, records(), variables, columns, axis)
 
 
 def _read_variables(roles: RowTable, variables: Sequence[str], wanted: Wanted) -> Rows:
