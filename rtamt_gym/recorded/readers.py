@@ -272,7 +272,7 @@ def open_recording(
 
 @contextmanager
 def refusing(path: str, expected: str) -> Iterator[None]:
-    """Turn the errors of a library that reads a file into InputError."""
+    """Turn errors of a library into InputErrors that expect, for instance, a whole MATLAB file."""
     try:
         yield
     except (RtamtError, ModuleNotFoundError):
