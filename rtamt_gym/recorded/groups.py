@@ -225,19 +225,17 @@ class GroupTable:
     def usual_step(self, wanted: Wanted) -> float | None:
         """Return the smallest usual distance of times in groups of three rows or more, or None."""
         if self._span is not None:
-            return _index(self._file, self._columns).usual_step(wanted, self._step_in_part)
+            return _index(self._file, self._columns).usual_step(wanted)
+        return self.own_step(wanted)
+
+    def own_step(self, wanted: Wanted) -> float | None:
+        """Return the usual step of the table, or of the part of the file that it holds."""
         wanted = replace(wanted, numbers=(), gaps=(), texts=(), cells=())
         key = repr(wanted)
         if key not in self._steps:
             rows = self.read(wanted)
             self._steps[key] = None if rows is None else self._usual_step(rows.times)
         return self._steps[key]
-
-    def _step_in_part(self, span: tuple[int, int], wanted: Wanted) -> float | None:
-        """Return the smallest usual distance in a part of the file."""
-        table = GroupTable(self._file, self._columns, span)
-        rows = table.read(replace(wanted, numbers=(), gaps=(), texts=(), cells=()))
-        return None if rows is None else table._usual_step(rows.times)
 
     def _usual_step(self, times: RawTimes | None) -> float | None:
         places = [part for part in self.rows.values() if len(part) > 2]
@@ -429,7 +427,7 @@ def _find(part: TracePart, columns: Columns) -> tuple[GroupTable, _Keys, dict[st
     span = None
     if columns.sorted:
         index = _index(file, columns)
-        span = index.span(keys)
+        span = index.spans.get(keys)
         if span is None:
             raise _no_group(part.file, keys, [*values], [*index.values])
     return _table(file, columns, span), keys, chosen
@@ -492,10 +490,11 @@ class SortedGroups:
 
     Attributes:
         values: The keys of each group with their types, by the texts of the keys, in order.
+        spans: The rows of the part that holds each group.
     """
 
     def __init__(self, file: str, columns: Columns) -> None:
-        self._file, self._by = file, tuple(columns.by)
+        self._file, self._columns, self._by = file, columns, tuple(columns.by)
         self.values: dict[tuple[str, ...], dict[str, object]] = {}
         self._begins: dict[tuple[str, ...], int] = {}
         self._last: tuple[str, ...] | None = None
@@ -525,7 +524,7 @@ class SortedGroups:
             raise InputError(f"{self._source}: expected at least one row, got none")
         for i, name in enumerate(self._by):
             check_one_writing(self._source, name, dict.fromkeys(key[i] for key in self.values))
-        self._spans = self._parts()
+        self.spans = self._parts()
 
     def _add(self, first: int, rows: Rows, chosen: NDArray[np.intp]) -> None:
         """Add the selected rows of a part of the file."""
@@ -568,19 +567,14 @@ class SortedGroups:
         """Return the keys of each group by the name of its trace."""
         return group_names(file_of(self._file), self._by, self.values, chosen)
 
-    def usual_step(
-        self, wanted: Wanted, step_in: Callable[[tuple[int, int], Wanted], float | None]
-    ) -> float | None:
+    def usual_step(self, wanted: Wanted) -> float | None:
         """Return the smallest usual distance of times in the groups of all parts, or None."""
         key = repr((wanted.time, wanted.part, wanted.where, wanted.date_order))
         if key not in self._steps:
-            steps = [step_in(span, wanted) for span in dict.fromkeys(self._spans.values())]
+            spans = dict.fromkeys(self.spans.values())
+            steps = [GroupTable(self._file, self._columns, s).own_step(wanted) for s in spans]
             self._steps[key] = min((step for step in steps if step is not None), default=None)
         return self._steps[key]
-
-    def span(self, keys: tuple[str, ...]) -> tuple[int, int] | None:
-        """Return the rows of the part that holds a group; None without such a group."""
-        return self._spans.get(keys)
 
 
 def _changes(cells: Sequence[NDArray[Any]]) -> NDArray[np.bool_]:
