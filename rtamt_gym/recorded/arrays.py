@@ -25,6 +25,7 @@ from rtamt_gym.recorded.recording import (
     Rows,
     Wanted,
     cell_texts,
+    places_of,
 )
 from rtamt_gym.recorded.text_numbers import numbers_in_texts
 from rtamt_gym.recorded.times import join_times
@@ -136,7 +137,7 @@ class ArrayRecording(Recording):
             invalid = {name: wrong[selected] for name, wrong in invalid.items()}
             empty = {name: none[selected] for name, none in empty.items()}
             (rows,) = np.nonzero(selected)
-            count, where = len(rows), self._place_of(rows)
+            count, where = len(rows), places_of(self._where, rows)
         written, times, notes = self._numbers_in_texts(wanted, names, where, selected)
         numbers = dict(written)
         for name in wanted.numbers:
@@ -169,13 +170,6 @@ class ArrayRecording(Recording):
             invalid=invalid,
             cells=cells,
         )
-
-    def _place_of(self, rows: NDArray[np.intp]) -> Callable[[int], str]:
-        """Return the place of each selected row, for messages."""
-        place = self._where
-        if isinstance(place, RowNumbers):  # it can be pickled
-            return RowNumbers(self.source, rows)
-        return lambda row: place(int(rows[row]))
 
     def _numbers_in_texts(
         self,

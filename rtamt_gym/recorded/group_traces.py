@@ -7,7 +7,7 @@ groups under the options that `GroupTraces` lists, are read one by one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -30,7 +30,7 @@ from rtamt_gym.recorded.names import (
     starts_of,
     with_columns,
 )
-from rtamt_gym.recorded.recording import Floats, Rows, Wanted, selection_notes
+from rtamt_gym.recorded.recording import Floats, Rows, Wanted, places_of, selection_notes
 from rtamt_gym.recorded.roles import RowTable, has_time_bounds
 from rtamt_gym.recorded.times import HOLE, TimeAxis, in_seconds, same_as_before, simple, stated_unit
 from rtamt_gym.recorded.trace import PERIODS, Trace
@@ -322,7 +322,7 @@ class GroupBlock:
             {name: values[begin : begin + n] for name, values in self.values.items()},
             n,
             axis,
-            self._place(self._places[i]),
+            places_of(layout.rows.where, self._places[i]),
             None,
             IF_EVENTS,
             [*dict.fromkeys(notes)],
@@ -332,10 +332,6 @@ class GroupBlock:
     @cached_property
     def _doubtful(self) -> Booleans:
         return np.zeros(0, bool) if self._axes is None else self._axes.doubtful
-
-    def _place(self, places: NDArray[np.intp]) -> Callable[[int], str]:
-        where = self._layout.rows.where
-        return lambda row: where(int(places[row]))
 
 
 _SINCE_START, _DAYS, _CLOCKS = 1e7, 3e4, 60.0

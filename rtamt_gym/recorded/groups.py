@@ -29,6 +29,7 @@ from rtamt_gym.recorded.recording import (
     Wanted,
     cell_texts,
     check_one_writing,
+    places_of,
 )
 from rtamt_gym.recorded.roles import names_totals
 from rtamt_gym.recorded.times import (
@@ -303,16 +304,12 @@ class GroupRecording(Recording):
         if every is None:
             return self._read_alone(replace(wanted, where=more))
         rows = self._rows
-
-        def where(row: int) -> str:
-            return every.where(int(rows[row]))
-
         return replace(
             every,
             numbers={name: column[rows] for name, column in every.numbers.items()},
             texts={name: [texts[row] for row in rows] for name, texts in every.texts.items()},
             count=len(rows),
-            where=where,
+            where=places_of(every.where, rows),
             source=self.source,
             times=None if every.times is None else every.times[rows],
             invalid={name: wrong[rows] for name, wrong in every.invalid.items()},
@@ -327,7 +324,7 @@ class GroupRecording(Recording):
             self._source,
             {name: column[rows] for name, column in cells.items()},
             decimal=self._decimal,
-            where=lambda row: place(int(rows[row])),
+            where=places_of(place, rows),
         )
         return recording.read(wanted)
 

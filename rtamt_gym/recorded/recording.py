@@ -135,6 +135,13 @@ class RowNumbers:
         return f"{self.source}, row {(row if self.rows is None else int(self.rows[row])) + 1}"
 
 
+def places_of(where: Callable[[int], str], rows: NDArray[np.intp]) -> Callable[[int], str]:
+    """Return the place of each of some rows; a function that can be pickled stays one."""
+    if isinstance(where, RowNumbers):
+        return RowNumbers(where.source, rows if where.rows is None else where.rows[rows])
+    return lambda row: where(int(rows[row]))
+
+
 class Recording:
     """An open file with named columns.
 

@@ -14,7 +14,7 @@ import rtamt
 from rtamt import InputError
 from rtamt.columns import median
 from rtamt_gym.recorded.columns import NEAR
-from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.recording import Floats, places_of
 from rtamt_gym.recorded.times import Grid, TimeAxis
 from rtamt_gym.results.extent import Extent, Gap, LateStart
 from rtamt_gym.tables import counted, number, time_text
@@ -137,7 +137,7 @@ class Trace:
             unknown=[name for name in self.unknown if np.isnan(columns[name]).any()],
             grid=None,
             passed=None if self.passed is None else self.passed.selected(rows),
-            where=lambda sample: self.where(int(rows[sample])),
+            where=places_of(self.where, rows),
         )
 
     @property

@@ -15,7 +15,14 @@ from rtamt.errors import no_such
 from rtamt_gym.checks.names import listed
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import find_times
-from rtamt_gym.recorded.recording import Recording, Rows, Wanted, cell_texts, check_one_writing
+from rtamt_gym.recorded.recording import (
+    Recording,
+    Rows,
+    Wanted,
+    cell_texts,
+    check_one_writing,
+    places_of,
+)
 from rtamt_gym.recorded.times import TIME, same_as_before
 
 
@@ -99,7 +106,7 @@ class WideRecording(Recording):
             columns,
             {},
             len(instants),
-            lambda row: rows.where(int(first[row])),
+            places_of(rows.where, first),
             self.source,
             instants,
             rows.notes,
