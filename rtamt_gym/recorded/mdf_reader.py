@@ -22,7 +22,6 @@ from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.times import (
     TIME,
-    check_own_times,
     check_rising,
     common_instants,
     one_record,
@@ -71,8 +70,7 @@ class MdfRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted channels."""
-        check_own_times(self.source, wanted.time)
-        names = dict.fromkeys([*wanted.numbers, *wanted.texts])
+        names = {name for name in wanted.names if name != TIME}
         signals: dict[str, Any] = {}
         notes: list[str] = []
         for name, group, index in self._places:

@@ -418,14 +418,6 @@ def one_record(
     return np.nonzero(starts if choice == "first" else ends)[0]
 
 
-def check_own_times(source: str, time: str | None) -> None:
-    """Raise InputError if a column is to replace the times that each record has."""
-    if time not in (None, TIME):
-        raise InputError(
-            f"{source}: expected no --time, because each record has its own time, got --time {time}"
-        )
-
-
 def common_instants(columns: list[Floats]) -> Floats:
     """Return all times of several signals, with one time for each instant, in order."""
     times = np.unique(np.concatenate([*columns, np.zeros(0)]))

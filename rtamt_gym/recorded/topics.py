@@ -14,7 +14,7 @@ from rtamt.errors import shown
 from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
 from rtamt_gym.recorded.columns import SameTime
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TIME, check_own_times, check_rising, one_record
+from rtamt_gym.recorded.times import TIME, check_rising, one_record
 from rtamt_gym.tables import counted, number
 
 
@@ -48,8 +48,7 @@ class TopicRecording(Recording):
 
     def read(self, wanted: Wanted) -> Rows:
         """Read the wanted fields."""
-        check_own_times(self.source, wanted.time)
-        names = [name for name in (*wanted.numbers, *wanted.texts) if name != TIME]
+        names = [name for name in wanted.names if name != TIME]
         fields = {name: self._fields[name] for name in names or list(self._fields)[:1]}
         ordered, notes = self._in_order(fields)
         lines = [name.times for name in ordered.values()]

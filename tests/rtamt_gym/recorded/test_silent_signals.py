@@ -394,14 +394,17 @@ def test_times_that_go_back_are_refused(write: Writer, tmp_path: Path, capsys: O
     assert "expected times that increase, got" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("write", [mdf, ulog])
-def test_column_in_place_of_record_times_error(
-    write: Writer, tmp_path: Path, capsys: Output
-) -> None:
-    path, options = write(tmp_path, [(0, 1), (1, 1)])
-    column = "v" if write is mdf else "pos.z"
-    assert main(["monitor", "always(v >= 0)", path, *options, "--time", column]) == 2
-    assert "because each record has its own time, got --time" in capsys.readouterr().err
+def test_column_in_place_of_record_times(tmp_path: Path, capsys: Output) -> None:
+    path = write_channels(
+        tmp_path / "t.mf4", ("v", [(0, 1), (1, 2)]), ("clock", [(0, 10), (1, 20)])
+    )
+    log, topic = Ulog(), Topic("pos", (("double", "z"), ("double", "clock")))
+    log.records(topic, [(1_000_000, [1, 10]), (2_000_000, [2, 20])])
+    fields = ["--signal", "v=pos.z", "--time", "pos.clock"]
+    log_path = str(log.save(tmp_path / "t.ulg"))
+    for words in ([path, "--time", "clock"], [log_path, *fields]):
+        assert main(["monitor", "always(v >= 0)", *words]) == 0
+        assert "2 samples, one every 10 s, 10 s to 20 s" in capsys.readouterr().out
 
 
 def test_last_bit_differences_are_one_clock(tmp_path: Path, capsys: Output) -> None:
