@@ -20,7 +20,7 @@ from rosbags.typesys.store import Typestore
 import rtamt
 from rtamt import InputError
 from rtamt.monitors import Occurrences
-from rtamt_gym.recorded.bag_trace import Bag, damaged, open_bag
+from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
 from rtamt_gym.recorded.judge import RESULT, Series, TraceJudgement
 from rtamt_gym.recorded.occurrences import states_of
 from rtamt_gym.recorded.readers import is_bag

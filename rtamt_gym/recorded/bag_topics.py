@@ -15,7 +15,7 @@ from rtamt_gym.recorded.columns import Columns, FieldError, FieldPath, path_text
 from rtamt_gym.recorded.names import starts_of
 
 if TYPE_CHECKING:
-    from rtamt_gym.recorded.bag_trace import Bag
+    from rtamt_gym.recorded.bag_reader import Bag
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import rtamt
 from rtamt import Formula, Interval, number, variable
 from rtamt.language.formula import make
 from rtamt.language.operators import OPERATORS
-from rtamt_gym.recorded.bag_trace import open_bag
+from rtamt_gym.recorded.bag_reader import open_bag
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.trace_files import read_trace
 

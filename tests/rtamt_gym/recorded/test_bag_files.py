@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 import rtamt
 from rtamt_gym import EvaluationOptions
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded import bag_trace
+from rtamt_gym.recorded import bag_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.trace import Trace
@@ -278,7 +278,7 @@ def test_unreadable_bag_is_a_system_error(
         raise PermissionError(errno.EACCES, "Permission denied", "run.mcap")
 
     path = write_bag(tmp_path / "run.mcap", SAID)
-    monkeypatch.setattr(bag_trace, "AnyReader", refuse)  # root may read everything
+    monkeypatch.setattr(bag_reader, "AnyReader", refuse)  # root may read everything
     assert main(["monitor", "always(x < 1)", "--dense", str(path)]) == 2
     assert capsys.readouterr().err == "rtamt: error: cannot open run.mcap: Permission denied\n"
 
