@@ -298,9 +298,9 @@ def judged(sent: bytes, paths: Sequence[str]) -> list[dict[str, Any]]:
         return judge_batch("test", sent, fleet_worker.version(), [(path, None) for path in paths])
     finally:
         end_processes("test")
-        from rtamt_gym.play import process
+        from rtamt_gym.play import workers
 
-        process._over.discard("test")
+        workers._over.discard("test")
 
 
 def test_a_crash_of_a_reader_is_the_error_of_its_file_alone(folder: Path) -> None:
