@@ -47,11 +47,9 @@ Regions regions_of(const RegionProgram& program) {
 DenseEpisodeMachine::DenseEpisodeMachine(const std::vector<RegionProgram>& readings,
                                          const std::vector<double>& declared, Time reach,
                                          bool decides)
-    : sampler_(joined_terms(readings, declared.size()), count_terms(readings), declared),
+    : EventMachine(joined_terms(readings, declared.size()), count_terms(readings), declared),
       reach_(reach),
-      decides_(decides),
-      pending_(declared.size()),
-      events_(declared.size()) {
+      decides_(decides) {
     if (reach < 0 || reach >= kTicks) throw std::invalid_argument("the reach is out of range");
     Fingerprint print;
     print.add(std::string("dense episode"), declared.size(), reach, decides);
@@ -108,15 +106,14 @@ void DenseEpisodeMachine::append(Columns& to) const {
 }
 
 DenseEpisodeMachine::Taken DenseEpisodeMachine::take() {
-    for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
     const Time before = settled();
-    sampler_.extend(events_.data());
+    extend();
     const Time known = sampler_.known();
     const bool brief = sampler_.brief(known);
     const bool fine = brief ? !sampler_.read(known) || sampler_.evaluate() : sampler_.rehearse();
     if (!fine || length(known) >= static_cast<std::uint64_t>(kTicks)) {
         too_long_ = length(known);
-        sampler_.retract(events_.data());
+        retract();
         return fine ? Taken::too_long : Taken::no_number;
     }
     const bool open = decides_ && decided_ < 0;
@@ -269,10 +266,8 @@ void DenseEpisodeMachine::finish(End end) {
 }
 
 void DenseEpisodeMachine::reset() {
-    sampler_.reset();
+    EventMachine::reset();
     for (Regions& reading : readings_) reading.reset();
-    finished_ = false;
-    dating_ = Dating::none;
     begin_ = 0;
     decided_ = -1;
     if (decides_) begin_journal();

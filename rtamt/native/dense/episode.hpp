@@ -24,7 +24,7 @@ struct RegionProgram {
     std::vector<std::size_t> unknowns;
 };
 
-class DenseEpisodeMachine {
+class DenseEpisodeMachine : public dense::EventMachine {
 public:
     // Takes the program, or with neutral predicates two: where they are -0.0, and where they are
     // 0.0; the values of the variables before their first events, nan where none is declared; by
@@ -32,26 +32,15 @@ public:
     // std::invalid_argument on rows that are no program.
     DenseEpisodeMachine(const std::vector<RegionProgram>& readings,
                         const std::vector<double>& declared, dense::Time reach, bool decides);
-    DenseEpisodeMachine(const DenseEpisodeMachine&) = delete;
-    DenseEpisodeMachine& operator=(const DenseEpisodeMachine&) = delete;
-
-    const dense::Sampler& sampler() const { return sampler_; }
 
     enum class Taken { all, no_number, too_long };
-    // Takes in new events of every variable, which fit and which the caller writes to pending()
-    // before. Changes nothing if a term is nan, or if the trace is too long.
-    std::vector<dense::Pending>& pending() { return pending_; }
+    // Takes in the pending events. Changes nothing if a term is nan, or if the trace is too long.
     Taken take();
     // Takes in very many events. If not all are taken, only reset() is left to do.
     Taken run(const dense::Events* events, bool decides);
     // Ends the trace. Called once, when it has begun.
     void finish(End end);
 
-    // What times are is kept for the caller: it is a part of the state.
-    dense::Dating dating() const { return dating_; }
-    void set_dating(dense::Dating dating) { dating_ = dating; }
-
-    bool finished() const { return finished_; }
     double result() const { return robustness_; }
     double lower() const { return lower_; }
     double upper() const { return upper_; }
@@ -76,7 +65,6 @@ public:
     // The robustness if the trace is all there is: two zeros where it hangs on neutral predicates.
     std::vector<double> complete();
 
-    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
     void reset();
     void fields(Snapshot& s);
 
@@ -109,11 +97,8 @@ private:
     void begin_journal();
 
     std::vector<dense::Regions> readings_;
-    dense::Sampler sampler_;
     dense::Time reach_;
     bool decides_;
-    std::vector<dense::Pending> pending_;
-    std::vector<dense::Events> events_;
     Columns new_;
     std::vector<const double*> sources_;
 
@@ -122,15 +107,12 @@ private:
     dense::Time journal_tick_ = -1;
     Columns journal_;
 
-    bool finished_ = false;
-    dense::Dating dating_ = dense::Dating::none;
     dense::Time begin_ = 0;
     dense::Time decided_ = -1;  // ticks since the begin
     std::uint64_t too_long_ = 0;
     double robustness_;
     double lower_;
     double upper_;
-    std::uint64_t fingerprint_;
 };
 
 }  // namespace rtamt

@@ -55,11 +55,9 @@ std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, const std::vecto
 DenseMachine::DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms,
                            const std::vector<double>& declared, std::size_t result,
                            const std::vector<std::size_t>& observed)
-    : sampler_(checked(rows, declared.size(), result, observed), terms, declared),
-      pending_(declared.size()),
-      events_(declared.size()),
-      streams_(rows.size()),
-      fingerprint_(fingerprint_of(rows, declared, result, observed)) {
+    : EventMachine(checked(rows, declared.size(), result, observed), terms, declared),
+      streams_(rows.size()) {
+    fingerprint_ = fingerprint_of(rows, declared, result, observed);
     std::vector<bool> read(rows.size());
     read[result] = true;
     for (const std::size_t i : observed) read[i] = true;
@@ -95,16 +93,15 @@ void DenseMachine::compile(std::size_t i, const DenseRow& row) {
 }
 
 bool DenseMachine::take() {
-    for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
-    sampler_.extend(events_.data());
+    extend();
     const bool brief = sampler_.brief();
     if (!brief && !sampler_.rehearse()) {
-        sampler_.retract(events_.data());
+        retract();
         return false;
     }
     while (sampler_.read()) {
         if (!sampler_.evaluate()) {
-            sampler_.retract(events_.data());
+            retract();
             return false;
         }
         proceed();
@@ -170,11 +167,9 @@ bool DenseMachine::finish() {
 }
 
 void DenseMachine::reset() {
-    sampler_.reset();
+    EventMachine::reset();
     for (Stream& stream : streams_) stream.clear();
     for (const auto& node : nodes_) node->reset();
-    finished_ = false;
-    dating_ = Dating::none;
 }
 
 void DenseMachine::fields(Snapshot& s) {

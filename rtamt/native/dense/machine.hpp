@@ -18,25 +18,59 @@ struct Pending {
     Events events() const { return {times.data(), values.data(), times.size()}; }
 };
 
+// What the machines on events share.
+class EventMachine {
+public:
+    EventMachine(const EventMachine&) = delete;
+    EventMachine& operator=(const EventMachine&) = delete;
+
+    const Sampler& sampler() const { return sampler_; }
+    // The new events of every variable, which fit and which the caller writes before take().
+    std::vector<Pending>& pending() { return pending_; }
+    // What times are is kept for the caller: it is a part of the state.
+    Dating dating() const { return dating_; }
+    void set_dating(Dating dating) { dating_ = dating; }
+    bool finished() const { return finished_; }
+    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
+
+protected:
+    EventMachine(const std::vector<DenseRow>& rows, std::size_t terms,
+                 const std::vector<double>& declared)
+        : sampler_(rows, terms, declared), pending_(declared.size()), events_(declared.size()) {}
+
+    // Adds the pending events.
+    void extend() {
+        for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
+        sampler_.extend(events_.data());
+    }
+    void retract() { sampler_.retract(events_.data()); }
+    void reset() {
+        sampler_.reset();
+        finished_ = false;
+        dating_ = Dating::none;
+    }
+
+    Sampler sampler_;
+    std::vector<Pending> pending_;
+    std::vector<Events> events_;
+    bool finished_ = false;
+    Dating dating_ = Dating::none;
+    std::uint64_t fingerprint_ = 0;
+};
+
 }  // namespace rtamt::dense
 
 namespace rtamt {
 
-class DenseMachine {
+class DenseMachine : public dense::EventMachine {
 public:
     // Rows are checked as far as memory needs it, as the program was verified in Python.
     // The variables have these declared values, nan where none is.
     DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms,
                  const std::vector<double>& declared, std::size_t result,
                  const std::vector<std::size_t>& observed);
-    DenseMachine(const DenseMachine&) = delete;
-    DenseMachine& operator=(const DenseMachine&) = delete;
 
-    const dense::Sampler& sampler() const { return sampler_; }
-
-    // Takes in new events of every variable, which fit and which the caller writes to pending()
-    // before. Returns false, and changes nothing, if a term is nan.
-    std::vector<dense::Pending>& pending() { return pending_; }
+    // Takes in the pending events. Returns false, and changes nothing, if a term is nan.
     bool take();
     // Takes in very many events, and emits the result on the way. If a term is nan, returns false,
     // and only reset() is left to do.
@@ -49,17 +83,11 @@ public:
     template <class Emit>
     void drain(Emit emit);
 
-    // What times are is kept for the caller: it is a part of the state.
-    dense::Dating dating() const { return dating_; }
-    void set_dating(dense::Dating dating) { dating_ = dating; }
-
-    bool finished() const { return finished_; }
     // The time before which the result is known; when finished, the end.
     dense::Time settled() const;
     // The last known value of every observed register, nan before the first.
     std::vector<double> values() const;
 
-    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
     void reset();
     void fields(Snapshot& s);
 
@@ -79,17 +107,11 @@ private:
     void settle(dense::Time known);
     void trim();
 
-    dense::Sampler sampler_;
-    std::vector<dense::Pending> pending_;
-    std::vector<dense::Events> events_;
     std::vector<dense::Stream> streams_;  // of the registers that nodes or observers read
     std::vector<std::size_t> published_;  // the registers among them that the sampler computes
     std::vector<std::unique_ptr<dense::StreamNode>> nodes_;
     Observer result_;
     std::vector<Observer> observed_;
-    bool finished_ = false;
-    dense::Dating dating_ = dense::Dating::none;
-    std::uint64_t fingerprint_;
 };
 
 template <class Emit>
