@@ -108,6 +108,7 @@ def parse_as(
     modules: Mapping[str, object] | None,
     *,
     chains: bool,
+    limited: bool = True,
 ) -> Specification:
     """Return the specification of a text in a dialect of the language.
 
@@ -119,25 +120,14 @@ def parse_as(
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, the same for
             ``until``, ``since`` and ``unless``, and whether a named result may be a number. These
             are errors in the language itself.
+        limited: Whether a long text is an error; the text of a formula from Python may be longer.
     """
     if not isinstance(text, str):
         msg = f"expected the text of a specification, got {type(text).__name__} {brief(text)}"
         raise InputTypeError(msg)
-    if len(text) > MAX_TEXT:
+    if limited and len(text) > MAX_TEXT:
         msg = f"the text has {len(text)} characters; the limit is {MAX_TEXT}"
         raise SpecificationError(f"{msg}; write several specifications")
-    return _parsed(text, unit, constants, modules, chains=chains)
-
-
-def _parsed(
-    text: str,
-    unit: str,
-    constants: Mapping[str, Exact],
-    modules: Mapping[str, object] | None,
-    *,
-    chains: bool,
-) -> Specification:
-    """Parse a text of any length: the text of a formula from Python may exceed the limit."""
     if not is_one_of(unit, UNITS):
         raise SpecificationError(no_unit(unit))
     for name in constants:
@@ -370,7 +360,7 @@ def _term_from_text(text: str) -> Term:
 
 
 def _formula_from_text(text: str) -> Formula:
-    return _parsed(text, "s", {}, None, chains=False).formula
+    return parse_as(text, "s", {}, None, chains=False, limited=False).formula
 
 
 def _specification_from_text(
@@ -386,7 +376,8 @@ def _specification_from_text(
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     classes = any(kind is not None for _, kind in imports.values())
-    spec = _parsed(text, unit, overrides, modules if classes else None, chains=chains)
+    known = modules if classes else None
+    spec = parse_as(text, unit, overrides, known, chains=chains, limited=False)
     spec = spec if path is None else replace(spec, path=path)
     return spec if requirement is None else spec.requirements[requirement]
 

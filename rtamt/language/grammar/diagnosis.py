@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from fractions import Fraction
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from antlr4.Token import Token as AntlrToken
 
@@ -36,10 +36,19 @@ class Token(Protocol):
     stop: int
     tokenIndex: int  # noqa: N815 - the name is ANTLR's
 
+    def getInputStream(self) -> Any:  # noqa: ANN401, N802 - ANTLR is not typed
+        """Return the stream of the characters."""
 
-def fail(text: str, token: Token, reason: str, hint: str = "") -> ParseError:
+
+def text_around(token: Token) -> str:
+    """Return the whole text of a token."""
+    text: str = token.getInputStream().strdata
+    return text
+
+
+def fail(token: Token, reason: str, hint: str = "") -> ParseError:
     """Return the error that points at a token."""
-    return ParseError(reason, text, token.line, token.column + 1, hint)
+    return ParseError(reason, text_around(token), token.line, token.column + 1, hint)
 
 
 def similar(word: str, words: Iterable[str], otherwise: str = "") -> str:
@@ -103,72 +112,71 @@ _COMPOSED = {
 
 
 def diagnose(
-    text: str, tokens: Sequence[Token], token: Token, rule: str, expected: AbstractSet[int]
+    tokens: Sequence[Token], token: Token, rule: str, expected: AbstractSet[int]
 ) -> ParseError:
     """Return the error for a token that the grammar refuses.
 
     Args:
-        text: The whole text.
-        tokens: Its tokens.
+        tokens: The tokens of the text.
         token: The refused token.
         rule: The rule of the grammar that refuses it.
         expected: Types of the tokens that the rule accepts.
     """
     if rule in ("interval", "bound"):
-        return _in_interval(text, token, expected)
+        return _in_interval(token, expected)
     if rule in ("range", "limit"):
         before = tokens[token.tokenIndex - 1]
         if StlParser.OPEN_INTERVAL not in expected or before.text == "in":
-            return _in_range(text, token, expected)
+            return _in_range(token, expected)
         token, expected, rule = before, frozenset({StlParser.END}), "declaration"
     index = token.tokenIndex
     first = max((i + 1 for i in range(index) if tokens[i].type == StlParser.END), default=0)
     if index == first:
-        return _at_start(text, token)
+        return _at_start(token)
     before = tokens[index - 1]
     head = tokens[first]
     if head.type == StlParser.AT:
         kind = tokens[first + 1].text if index > first + 1 else ""
-        return _in_annotation(text, kind, tokens[first:], token, expected)
+        return _in_annotation(kind, tokens[first:], token, expected)
     pair = index - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or index == first + 1)):
         reason, hint = _in_declaration(token, expected, named=index == first + 1)
         if head.type == StlParser.FROM and StlParser.END in expected:
             hint = _TYPE_NAME if token.text == "as" else _TYPE_COMMA
-        return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
+        return fail(token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
-        return _no_operator(text, head, tokens[first + 1], bracketed=False)
+        return _no_operator(head, tokens[first + 1], bracketed=False)
     if before.type in _OPERANDS and (StlParser.NUMBER not in expected or index == first + 1):
-        return _no_operator(text, before, token, bracketed=rule == "operand")
-    return _no_operand(text, before, token)
+        return _no_operator(before, token, bracketed=rule == "operand")
+    return _no_operand(before, token)
 
 
-def misspelt(text: str, token: Token) -> ParseError:
+def misspelt(token: Token) -> ParseError:
     """Return the error for a character that the language does not have."""
     character = token.text
     named = f"'{character}'" if character.isprintable() else f"U+{ord(character):04X}"
-    return fail(text, token, f"unexpected character {named}", _INSTEAD.get(character, _ASCII))
+    return fail(token, f"unexpected character {named}", _INSTEAD.get(character, _ASCII))
 
 
-def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseError:
+def no_formula(token: Token, instead: str, hint: str = "") -> ParseError:
     """Return the error for a text without a formula."""
     hint = hint or "write a formula, such as always(x > 0)"
-    return fail(text, token, f"expected a formula, got {instead}", hint)
+    return fail(token, f"expected a formula, got {instead}", hint)
 
 
-def no_id(text: str, token: Token) -> ParseError:
+def no_id(token: Token) -> ParseError:
     """Return the error for a token that is not the id of a requirement."""
     hint = f'write "{token.text}"' if token.type in _OPERANDS else ID_HINT
-    return fail(text, token, f"expected the id in quotes, got {_got(token)}", hint)
+    return fail(token, f"expected the id in quotes, got {_got(token)}", hint)
 
 
-def no_bound(text: str, token: Token, hint: str) -> ParseError:
+def no_bound(token: Token, hint: str) -> ParseError:
     """Return the error for a token that is not a bound of an interval."""
-    return fail(text, token, f"expected an interval bound, got {_got(token)}", hint)
+    return fail(token, f"expected an interval bound, got {_got(token)}", hint)
 
 
-def exact_number(text: str, token: Token, digits: str, label: str) -> Fraction:
+def exact_number(token: Token, digits: str, label: str) -> Fraction:
     """Return the exact value of a number in the text; errors call it by the label."""
     try:
         return exact(digits, label)
@@ -176,7 +184,7 @@ def exact_number(text: str, token: Token, digits: str, label: str) -> Fraction:
         reason = f"expected a {label} between 1e-300 and 1e300, got {shown(digits)}"
         if len(digits) > MAX_DIGITS:
             reason = f"expected a {label} of at most {MAX_DIGITS} digits, got {len(digits)}"
-        raise fail(text, token, reason) from None
+        raise fail(token, reason) from None
 
 
 def shown(text: str) -> str:
@@ -190,13 +198,13 @@ def _got(token: Token) -> str:
     return shown(token.text) if token.type == StlParser.STRING else f"'{shown(token.text)}'"
 
 
-def _at_start(text: str, token: Token) -> ParseError:
+def _at_start(token: Token) -> ParseError:
     hint = _misplaced(token)
     if token.type == StlParser.IMPORT:
         hint = _HEADS[StlParser.FROM]
     elif token.type == StlParser.SPECIFICATION:
         hint = "the name of the specification comes first"
-    return no_formula(text, token, _got(token), hint)
+    return no_formula(token, _got(token), hint)
 
 
 def _misplaced(token: Token) -> str:
@@ -206,40 +214,40 @@ def _misplaced(token: Token) -> str:
     return "" if token.type == StlParser.INFIX else OPERATORS.refusal(token.text)
 
 
-def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseError:
+def _in_interval(token: Token, expected: AbstractSet[int]) -> ParseError:
     if StlParser.NUMBER in expected:
         if token.type == StlParser.CLOSE_INTERVAL:
-            return no_bound(text, token, "an interval without end is [0:inf] or [0,)")
-        return no_bound(text, token, "write a number, a constant or inf")
+            return no_bound(token, "an interval without end is [0:inf] or [0,)")
+        return no_bound(token, "write a number, a constant or inf")
     if StlParser.COLON in expected:
         reason = f"expected ':' and the other bound, got {_got(token)}"
-        return fail(text, token, reason, "write both bounds: [0:5]")
+        return fail(token, reason, "write both bounds: [0:5]")
     *units, last = UNITS
     hint = f"a bound may have a unit: {', '.join(units)} or {last}"
-    return fail(text, token, f"expected ']', got {_got(token)}", hint)
+    return fail(token, f"expected ']', got {_got(token)}", hint)
 
 
-def no_range(text: str, token: Token) -> ParseError:
+def no_range(token: Token) -> ParseError:
     """Return the error for a token that is not a range or the end of a declaration."""
     reason = f"expected the end of the statement, got {_got(token)}"
-    return fail(text, token, reason, _NEXT_STATEMENT)
+    return fail(token, reason, _NEXT_STATEMENT)
 
 
-def _in_range(text: str, token: Token, expected: AbstractSet[int]) -> ParseError:
+def _in_range(token: Token, expected: AbstractSet[int]) -> ParseError:
     if StlParser.OPEN_INTERVAL in expected:
-        return fail(text, token, f"expected a range after 'in', got {_got(token)}", RANGE_HINT)
+        return fail(token, f"expected a range after 'in', got {_got(token)}", RANGE_HINT)
     if StlParser.NUMBER in expected:
         hint = "write a number, a constant or inf"
-        return fail(text, token, f"expected a limit of a range, got {_got(token)}", hint)
+        return fail(token, f"expected a limit of a range, got {_got(token)}", hint)
     if StlParser.COLON in expected:
         reason = f"expected ',' and the maximum, got {_got(token)}"
-        return fail(text, token, reason, f"a range has both limits: {RANGE_HINT}")
+        return fail(token, reason, f"a range has both limits: {RANGE_HINT}")
     hint = "a range ends with ']' and has no unit"
-    return fail(text, token, f"expected ']', got {_got(token)}", hint)
+    return fail(token, f"expected ']', got {_got(token)}", hint)
 
 
 def _in_annotation(
-    text: str, kind: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
+    kind: str, tokens: Sequence[Token], token: Token, expected: AbstractSet[int]
 ) -> ParseError:
     """Return the error in the tokens of an annotation, such as ``@ id(NAME, "ID")``."""
     usage = _ANNOTATIONS.get(kind, ANNOTATION_HINT)
@@ -248,15 +256,15 @@ def _in_annotation(
     if kind in _QUOTED and len(tokens) > _BEFORE_LABEL and unquoted:
         expect, name = _QUOTED[kind]
         hint = usage if token is label else f"{name} needs quotes: {usage}"
-        return fail(text, label, f"expected {expect} in quotes, got {_got(label)}", hint)
+        return fail(label, f"expected {expect} in quotes, got {_got(label)}", hint)
     if kind == "id" and StlParser.STRING in expected:
         reason = f"expected the link in quotes, got {_got(token)}"
-        return fail(text, token, reason, LINK_HINT)
+        return fail(token, reason, LINK_HINT)
     if StlParser.STRING in expected and StlParser.NAME not in expected:
         comma = tokens[tokens.index(token) - 1]  # a third value follows
-        return fail(text, comma, "expected ')', got ','", usage)
+        return fail(comma, "expected ')', got ','", usage)
     reason, hint = _in_declaration(token, expected, named=tokens[1] is token)
-    return fail(text, token, reason, hint or usage)
+    return fail(token, reason, hint or usage)
 
 
 _ANNOTATIONS = {
@@ -287,7 +295,7 @@ def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) ->
     return f"expected {' or '.join(words)}, got {_got(token)}", ""
 
 
-def _no_operand(text: str, before: Token, token: Token) -> ParseError:
+def _no_operand(before: Token, token: Token) -> ParseError:
     if before.type == StlParser.EQUALS:
         reason = f"expected a formula after '=', got {_got(token)}"
     elif before.type in _CLOSERS:
@@ -306,30 +314,32 @@ def _no_operand(text: str, before: Token, token: Token) -> ParseError:
         hint = misplaced
     elif row is not None and (before.text != row.symbol or _named(row, token)):
         hint = OPERATORS.refusal(before.text)
-    return fail(text, token, reason, hint)
+    return fail(token, reason, hint)
 
 
-def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> ParseError:
+def _no_operator(before: Token, token: Token, *, bracketed: bool) -> ParseError:
     reason = f"expected an operator, got {_got(token)}"
-    if before.type == StlParser.ELEMENT and (error := _misread(text, before, token)):
+    if before.type == StlParser.ELEMENT and (error := _misread(before, token)):
         return error
     if token.type == StlParser.EQUALS:
-        implied = text[token.stop + 1 : token.stop + 2] == ">"
+        implied = text_around(token)[token.stop + 1 :].startswith(">")
         meant = "implication is written '->'" if implied else "equality is written '=='"
-        return fail(text, token, reason, meant)
-    if before.type == StlParser.NAME and (error := _misnamed(text, before, token)):
+        return fail(token, reason, meant)
+    if before.type == StlParser.NAME and (error := _misnamed(before, token)):
         return error
-    hint = _usual_form(text, before, token) or _hint_of_operator(text, before, token)
+    hint = _usual_form(before, token) or _hint_of_operator(before, token)
     hint = hint or "write an operator there" + ("" if bracketed else _OR_STATEMENT)
-    return fail(text, token, reason, hint)
+    return fail(token, reason, hint)
 
 
-def _hint_of_operator(text: str, before: Token, token: Token) -> str:
+def _hint_of_operator(before: Token, token: Token) -> str:
     """Return the hint for a token after an operand, where an operator would stand; may be empty."""
     hint = ""
     if token.type == StlParser.OPEN_INTERVAL:
         hint = _where_intervals_stand()
-        if before.type in (StlParser.NAME, StlParser.ELEMENT) and _INDEX.match(text, token.start):
+        if before.type in (StlParser.NAME, StlParser.ELEMENT) and _INDEX.match(
+            text_around(token), token.start
+        ):
             hint = f"write an element without spaces, counted from 0: {before.text}[0]"
     elif before.type == StlParser.NUMBER and token.start == before.stop + 1:
         hint = f"write {before.text} * {token.text}"
@@ -352,9 +362,9 @@ _QUANTITIES: Final = frozenset(
 """Units of quantities that numbers in formulas do not have, in small letters."""
 
 
-def _usual_form(text: str, before: Token, token: Token) -> str:
+def _usual_form(before: Token, token: Token) -> str:
     """Return the hint for forms of other languages: intervals, decimals, units and conditions."""
-    separator = token.text in {":", ","}
+    text, separator = text_around(token), token.text in {":", ","}
     if separator and before.type == StlParser.NUMBER:
         word = _ROUND_INTERVAL[0].search(text[: before.start])
         end = _ROUND_INTERVAL[1].match(text, token.stop + 1)
@@ -373,21 +383,21 @@ def _usual_form(text: str, before: Token, token: Token) -> str:
     return ""
 
 
-def _misread(text: str, before: Token, token: Token) -> ParseError | None:
+def _misread(before: Token, token: Token) -> ParseError | None:
     """Return the error if the element before the refused token is meant as something else."""
     word, index = before.text.split("[", 1)
     bounds = f"[0:{index}"
     if token.type == StlParser.EQUALS:
         hint = f"formulas have plain names: {word} = ..."
-        return fail(text, token, f"'{before.text}' is an element and cannot name a formula", hint)
+        return fail(token, f"'{before.text}' is an element and cannot name a formula", hint)
     timed = [s for s in (*_words("prefix"), *_words("infix")) if OPERATORS.words[s].timed]
     meant = _ELSEWHERE.get(word.lower()) or closest(word, timed)
     if meant and token.type in _OPERANDS | {StlParser.OPEN}:
-        return fail(text, before, f"unknown operator '{word}'", f"write {meant}{bounds}")
+        return fail(before, f"unknown operator '{word}'", f"write {meant}{bounds}")
     return None
 
 
-def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
+def _misnamed(before: Token, token: Token) -> ParseError | None:
     """Return the error if the name before the refused token is meant as an operator or function."""
     word = before.text
     functions = [name for name, row in OPERATORS.words.items() if row.notation == "call"]
@@ -398,15 +408,15 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
     elif token.type == StlParser.OPEN_INTERVAL:
         hint = similar(word, [s for s in operators if OPERATORS.words[s].timed])
     if hint:
-        return fail(text, before, f"unknown operator '{word}'", hint)
+        return fail(before, f"unknown operator '{word}'", hint)
     if word in functions and token.type in _OPERANDS:
         reason = f"expected '(' after '{word}', got {_got(token)}"
-        return fail(text, token, reason, f"write {word}({token.text})")
+        return fail(token, reason, f"write {word}({token.text})")
     if token.type == StlParser.OPEN:
         known = functions + _words("prefix")  # nobody mistakes an infix operator for a function
         hint = similar(word, known, f"functions are {', '.join(functions)}")
         hint = _COMPOSED.get(word.lower(), hint)
-        return fail(text, before, f"unknown function '{word}'", hint)
+        return fail(before, f"unknown function '{word}'", hint)
     return None
 
 

@@ -15,6 +15,7 @@ from rtamt.language.grammar.diagnosis import (
     no_bound,
     shown,
     similar_name,
+    text_around,
 )
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import (
@@ -70,8 +71,7 @@ class TreeBuilder:
     """Builds the trees of a text after the parser has checked its syntax.
 
     Args:
-        text: The text.
-        tokens: Its tokens.
+        tokens: The tokens of the text.
         constants: Values of the names that may be bounds of intervals.
         resolve: Returns the node of a name.
         chains: Whether chains of ``implies``, ``until``, ``since`` and ``unless`` group to the
@@ -85,7 +85,6 @@ class TreeBuilder:
 
     def __init__(
         self,
-        text: str,
         tokens: Sequence[Token],
         constants: Mapping[str, Fraction],
         resolve: Callable[[Token], Node],
@@ -93,7 +92,6 @@ class TreeBuilder:
         chains: bool,
         traced: bool,
     ) -> None:
-        self.text = text
         self.tokens = tokens
         self.constants = constants
         self.resolve = resolve
@@ -177,11 +175,11 @@ class TreeBuilder:
         try:
             node = make(row.name, args, frame.interval)
         except SpecificationError as error:
-            raise self._fail(token, str(error), _hint_for_operands(row, args)) from None
+            raise fail(token, str(error), _hint_for_operands(row, args)) from None
         self._operands += len(node.args)
         if self._operands > MAX_OPERANDS:
             reason = f"the operators have more than {MAX_OPERANDS} operands together"
-            raise self._fail(token, reason, "write the formulas as several specifications")
+            raise fail(token, reason, "write the formulas as several specifications")
         if frame.interval is not None:
             token = self.tokens[token.tokenIndex + 1]
         self._values.append(self._place(node, token))
@@ -199,7 +197,7 @@ class TreeBuilder:
             return number(float(token.text))
         except SpecificationError:
             reason = f"expected a number of at most 1.797e308, got {shown(token.text)}"
-            raise self._fail(token, reason, "true and false are +inf and -inf") from None
+            raise fail(token, reason, "true and false are +inf and -inf") from None
 
     def _chained(self, row: Operator, tokens: Sequence[Token], args: Sequence[Node]) -> ParseError:
         first, second = (self._spelled(t) for t in tokens[:2])
@@ -212,7 +210,7 @@ class TreeBuilder:
             forms = f"({p} {first} {q}) and ({q} {second} {r})"
         else:
             forms = f"({p} {first} {q}) {second} {r} or {p} {first} ({q} {second} {r})"
-        return self._fail(tokens[1], f"{names} {does} not chain; write {forms}")
+        return fail(tokens[1], f"{names} {does} not chain; write {forms}")
 
     def _spelled(self, token: Token) -> str:
         """Return an operator with its interval, as it stands in the text."""
@@ -222,7 +220,7 @@ class TreeBuilder:
             while self.tokens[index].type not in _CLOSING:
                 index += 1
             last = self.tokens[index]
-        return self.text[token.start : last.stop + 1]
+        return text_around(token)[token.start : last.stop + 1]
 
     def _interval(self, index: int) -> int:
         """Read the interval after the operator at an index; return its last index."""
@@ -232,7 +230,7 @@ class TreeBuilder:
         begin, unit, index = self._bound(first)
         if begin is None:
             reason = "expected a finite bound as the start of an interval, got inf"
-            raise self._fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
+            raise fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
         second, begin_scale, end_scale = index + 1, Fraction(1), Fraction(1)
         end: Fraction | None = None
         end_unit: Token | None = None
@@ -244,7 +242,7 @@ class TreeBuilder:
             if end_unit is None:
                 bounds = f"{decimal_text(begin)}:{decimal_text(end)}{unit.text}"
                 reason = "expected a unit after the end, got one only after the start"
-                raise self._fail(unit, reason, f"the unit of the end applies to both: [{bounds}]")
+                raise fail(unit, reason, f"the unit of the end applies to both: [{bounds}]")
             begin_scale, end_scale = _common_scales(UNITS[unit.text], UNITS[end_unit.text])
             begin, end = begin * begin_scale, end * end_scale
             end_unit = end_unit if end_scale == 1 else unit
@@ -261,9 +259,9 @@ class TreeBuilder:
                 interval = TracedInterval(begin, end, text, begin_of, end_of)
         except SpecificationError as error:
             if begin < 0:
-                raise self._fail(self.tokens[first], str(error), _BACK) from None
+                raise fail(self.tokens[first], str(error), _BACK) from None
             hint = "write the smaller bound first" if (end or 0) >= 0 else _BACK
-            raise self._fail(self.tokens[second], str(error), hint) from None
+            raise fail(self.tokens[second], str(error), hint) from None
         self._frames[-1].interval = interval
         return index
 
@@ -283,35 +281,32 @@ class TreeBuilder:
         value = self._value(self.tokens[index])
         if negative:
             if value is None:
-                raise self._fail(token, "expected a bound of at least 0, got -inf", _BACK)
+                raise fail(token, "expected a bound of at least 0, got -inf", _BACK)
             value = -value
         unit = self.tokens[index + 1]
         if unit.type != StlParser.NAME:
             return value, None, index + 1
         if unit.text not in UNITS:
             hint = _UNIT_WORDS.get(unit.text.lower(), "")
-            raise self._fail(unit, no_unit(unit.text), hint)
+            raise fail(unit, no_unit(unit.text), hint)
         return value, unit, index + 2
 
     def _value(self, token: Token) -> Fraction | None:
         if token.type == StlParser.INF:
             return None
         if token.type == StlParser.NUMBER:
-            return exact_number(self.text, token, token.text, "bound")
+            return exact_number(token, token.text, "bound")
         name = token.text
         if name in self.constants:
             self.bounding.add(name)
             return self.constants[name]
         if name == "nan":
             reason = "expected a number as the bound of an interval, got nan"
-            raise self._fail(token, reason, "write a number, a constant or inf")
+            raise fail(token, reason, "write a number, a constant or inf")
         if name in UNITS:
-            raise no_bound(self.text, token, f"write a number before the unit: [0:500{name}]")
+            raise no_bound(token, f"write a number before the unit: [0:500{name}]")
         hint = similar_name(name, self.constants, f"const float {name} = 5")
-        raise self._fail(token, f"unknown constant '{name}'", hint)
-
-    def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
-        return fail(self.text, token, reason, hint)
+        raise fail(token, f"unknown constant '{name}'", hint)
 
 
 def _common_scales(begin: Fraction, end: Fraction) -> tuple[Fraction, Fraction]:

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Literal, cast
 
-from rtamt.errors import Advice, Argument, ParseError, SpecificationError
+from rtamt.errors import Advice, Argument, SpecificationError
 from rtamt.language.declarations import (
     PRIMITIVES,
     Declaration,
@@ -104,7 +104,7 @@ class TextReader:
         self._uses: dict[str, tuple[str, ...]] = {}
         self._named: dict[str, None] = {}  # formulas in the formula that is being read
         self._builder = TreeBuilder(
-            text, self._tokens, self.constants, self._resolve, chains=chains, traced=traced_bounds
+            self._tokens, self.constants, self._resolve, chains=chains, traced=traced_bounds
         )
 
     def specification(self, unit: str) -> Specification:
@@ -112,7 +112,7 @@ class TextReader:
         statements = self._statements
         if not statements.definitions:
             instead = "declarations only" if len(self._tokens) > 1 else "the end of the text"
-            raise no_formula(self._text, self._tokens[-1], instead)
+            raise no_formula(self._tokens[-1], instead)
         for statement in statements.imports:
             self._import(statement)
         for statement in statements.constants:
@@ -129,7 +129,7 @@ class TextReader:
             if statement.name is None:
                 hint = "name it, p = ..., or remove it: the last formula is the result"
                 token = statement.formula.start
-                raise self._fail(token, "only the last formula may have no name", hint)
+                raise fail(token, "only the last formula may have no name", hint)
             self._define(statement)
         self._result = formula = self._define(last)
         is_named = formula in self._formulas.values()
@@ -137,7 +137,7 @@ class TextReader:
             token = last.name or last.formula.start
             reason = f"the result '{token.text}' is the number {formula} and depends on no sample"
             hint = f"equality is written '==': {token.text} == {formula}"
-            raise self._fail(token, reason, hint)
+            raise fail(token, reason, hint)
         kinds = {"id": self._identify, "column": self._name_column}
         for statement in statements.annotations:
             kinds.get(statement.kind.text, self._annotate)(statement)
@@ -166,23 +166,23 @@ class TextReader:
         for i, name in enumerate(statement.names):
             if any(name.text == earlier.text for earlier in statement.names[:i]):
                 reason = f"'{name.text}' appears twice in this import"
-                raise self._fail(name, reason, "write each type once")
+                raise fail(name, reason, "write each type once")
             other = self._imports.setdefault(name.text, module)
             if other != module:
                 reason = f"'{name.text}' is already imported from '{other}'"
-                raise self._fail(name, reason, "a type has one module: remove an import")
+                raise fail(name, reason, "a type has one module: remove an import")
         if self._modules is None:  # then a type is a name
             return
         if module not in self._modules:
             hint = similar(
                 module, self._modules, Advice(Argument("modules", [module]), " imports it")
             )
-            raise self._fail(statement.module, f"module '{module}' was not given", hint)
+            raise fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self._modules[module])
         for name in statement.names:
             if name.text not in known:
                 reason = f"module '{module}' has no type '{name.text}'"
-                raise self._fail(name, reason, similar(name.text, known))
+                raise fail(name, reason, similar(name.text, known))
             kind = getattr(self._modules[module], name.text)
             if isinstance(kind, type):
                 self._types[name.text] = kind
@@ -216,29 +216,29 @@ class TextReader:
         """Return the range of a declaration; raise if its type or its default does not fit."""
         word, limits = cast("Token", statement.within), cast("Limits", statement.bounds)
         if word.text != "in":
-            raise no_range(self._text, word)
+            raise no_range(word)
         lower, upper = self._limit(limits.lower, constants), self._limit(limits.upper, constants)
         values, first, last = (lower, upper), limits.lower.start, limits.upper.start
         if lower > upper:
             reason = f"expected {number_text(lower)} or more as the maximum"
             hint = "write the smaller limit first"
-            raise self._fail(last, f"{reason}, got {number_text(upper)}", hint)
+            raise fail(last, f"{reason}, got {number_text(upper)}", hint)
         if math.isinf(lower) and lower == upper:
             reason = f"expected a range that holds a number, got {range_text(values)}"
-            raise self._fail(first, reason, RANGE_HINT)
+            raise fail(first, reason, RANGE_HINT)
         if is_whole(kind) and math.floor(min(upper, 2.0**63)) < max(lower, -(2.0**63)):
             reason = f"no whole number lies in {range_text(values)}, and {kind} has no others"
-            raise self._fail(first, reason, RANGE_HINT)
+            raise fail(first, reason, RANGE_HINT)
         known = range_of_type(kind)
         if known is not None and (lower < known[0] or upper > known[1]):
             reason = f"{kind} has values in {range_text(known)}, got {range_text(values)}"
             hint = "write a range inside it, or use another type"
-            raise self._fail(first if lower < known[0] else last, reason, hint)
+            raise fail(first if lower < known[0] else last, reason, hint)
         if default is not None and not lower <= default <= upper:
             span = cast("Span", statement.default)
             reason = f"expected a value in {range_text(values)}, got {number_text(default)}"
             hint = "a variable has this value before its first sample"
-            raise self._fail(span.start, reason, hint)
+            raise fail(span.start, reason, hint)
         return values
 
     def _limit(self, part: Span, constants: Mapping[str, Fraction]) -> float:
@@ -247,15 +247,15 @@ class TextReader:
         if last.type == StlParser.INF:
             return -math.inf if negative else math.inf
         if last.type == StlParser.NUMBER:
-            exact = exact_number(self._text, last, last.text, "number")
+            exact = exact_number(last, last.text, "number")
         elif last.text in constants:
             exact = constants[last.text]
         elif last.text == "nan":
             reason = "expected a number as the limit of a range, got nan"
-            raise self._fail(last, reason, "write a number, a constant or inf")
+            raise fail(last, reason, "write a number, a constant or inf")
         else:
             hint = similar_name(last.text, constants, f"const float {last.text} = 5")
-            raise self._fail(last, f"unknown constant '{last.text}'", hint)
+            raise fail(last, f"unknown constant '{last.text}'", hint)
         return float(-exact if negative else exact)
 
     def _new(self, statement: Statement, types: Iterable[str], constants: Collection[str]) -> str:
@@ -265,37 +265,37 @@ class TextReader:
             otherwise = f"use bool, int, float, float64, ... or: from MODULE import {kind}"
             foreign = foreign_hint(self._text, statement.kind.start)
             hint = foreign or similar(kind, types, otherwise)
-            raise self._fail(statement.kind, f"unknown type '{kind}'", hint)
+            raise fail(statement.kind, f"unknown type '{kind}'", hint)
         if token.text in self._declarations or token.text in constants:
             override = token.text in self._overrides and token.text not in self._defined
             by = "passed as a constant" if override else "declared"
-            raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
+            raise fail(token, f"'{token.text}' is already {by}", "choose another name")
         return token.text
 
     def _value(self, part: Span) -> Fraction:
         value = self._tokens[part.start.tokenIndex : part.stop.tokenIndex + 1]
         digits = "".join(token.text for token in value)
-        return exact_number(self._text, part.start, digits, "number")
+        return exact_number(part.start, digits, "number")
 
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
             reason = f"unknown annotation '{statement.kind.text}'"
-            raise self._fail(statement.kind, reason, ANNOTATION_HINT)
+            raise fail(statement.kind, reason, ANNOTATION_HINT)
         if statement.location is None:
             token = cast("Token", statement.label)
             reason = f"expected the path of a topic, got {token.text}"
-            raise self._fail(token, reason, "a path is names with '/' between them")
+            raise fail(token, reason, "a path is names with '/' between them")
         name = statement.variable.text
         known = self._declarations.keys() | self._used | self._formulas.keys()
         if name not in known:
             hint = similar_name(name, known, f"float {name}")
-            raise self._fail(statement.variable, f"unknown variable '{name}'", hint)
+            raise fail(statement.variable, f"unknown variable '{name}'", hint)
         first, last = statement.location.start.tokenIndex, statement.location.stop.tokenIndex
         steps = self._tokens[first : last + 1]
         for step in steps:
             if step.text[0] not in "/." and not step.text[0].isalnum() and step.text[0] != "_":
                 reason = f"expected a name in the path, got '{step.text}'"
-                raise self._fail(step, reason, "a path is names with '/' between them")
+                raise fail(step, reason, "a path is names with '/' between them")
         self._topics[name] = "".join(step.text for step in steps)
 
     def _name_column(self, statement: Statement) -> None:
@@ -303,35 +303,35 @@ class TextReader:
         if label is None:
             start = cast("Span", statement.location).start
             reason = f"expected the name of a column in quotes, got '{start.text}'"
-            raise self._fail(start, reason, COLUMN_HINT)
+            raise fail(start, reason, COLUMN_HINT)
         if link is not None:
-            raise self._fail(link, f"expected one column, got another, {link.text}", COLUMN_HINT)
+            raise fail(link, f"expected one column, got another, {link.text}", COLUMN_HINT)
         name, column = token.text, label.text[1:-1]
         if name not in self._used:
             reason = f"no formula reads '{name}'"
             otherwise = "a column belongs to a variable of a formula"
-            raise self._fail(token, reason, similar(name, self._used, otherwise))
+            raise fail(token, reason, similar(name, self._used, otherwise))
         if not column.strip():
-            raise self._fail(label, "expected the name of a column, got none", COLUMN_HINT)
+            raise fail(label, "expected the name of a column, got none", COLUMN_HINT)
         if name in self._columns:
             reason = f"'{name}' already has the column '{self._columns[name]}'"
-            raise self._fail(token, reason, "a variable has one column")
+            raise fail(token, reason, "a variable has one column")
         self._columns[name] = column
 
     def _identify(self, statement: Statement) -> None:
         token, label, link = statement.variable, statement.label, statement.link
         if label is None:
-            raise no_id(self._text, cast("Span", statement.location).start)
+            raise no_id(cast("Span", statement.location).start)
         name, title = token.text, self._statements.name
         if name not in self._formulas and title is not None and name == title.text:
             name = self._name_of_whole(token)
         elif name not in self._formulas:
             known = [*self._formulas, *([] if title is None else [title.text])]
             otherwise = f"an id belongs to a formula with a name: {name} = ..."
-            raise self._fail(token, f"unknown formula '{name}'", similar(name, known, otherwise))
+            raise fail(token, f"unknown formula '{name}'", similar(name, known, otherwise))
         if name in self._ids:
             reason = f"'{name}' already has the id {self._ids[name]}"
-            raise self._fail(token, reason, "a requirement has one id")
+            raise fail(token, reason, "a requirement has one id")
         part, hint = label, ID_HINT
         try:
             id_ = RequirementId(label.text[1:-1])
@@ -339,11 +339,11 @@ class TextReader:
                 part, hint = link, LINK_HINT
                 id_ = RequirementId(id_.id, link.text[1:-1])
         except SpecificationError as error:
-            raise self._fail(part, str(error), hint) from None
+            raise fail(part, str(error), hint) from None
         for other, other_id in self._ids.items():
             if other_id.id == id_.id:
                 reason = f"'{other}' already has the id {id_}"
-                raise self._fail(label, reason, "choose another id")
+                raise fail(label, reason, "choose another id")
         self._check_judged(name, token)
         self._ids[name] = id_
 
@@ -357,7 +357,7 @@ class TextReader:
                 where = f"'{user}'" if user else "the result"
                 reason = f"'{name}' is a number in {where}, not a requirement"
                 hint = f"pass the id to a formula that compares it, such as {name} > 0"
-                raise self._fail(token, reason, hint)
+                raise fail(token, reason, hint)
 
     def _name_of_whole(self, token: Token) -> str:
         """Return the key of an id for a text with a single requirement."""
@@ -367,7 +367,7 @@ class TextReader:
             return token.text
         if len(roots) > 1:
             reason = f"'{token.text}' has several requirements"
-            raise self._fail(token, reason, f"give each an id of its own: {', '.join(roots)}")
+            raise fail(token, reason, f"give each an id of its own: {', '.join(roots)}")
         return roots[0]
 
     def _define(self, statement: Statement) -> Formula:
@@ -381,7 +381,7 @@ class TextReader:
             if name.text in self._used:
                 reason = f"'{name.text}' is used as a variable and cannot name a formula"
                 hint = "choose another name, or use it in later formulas only"
-                raise self._fail(name, reason, hint)
+                raise fail(name, reason, hint)
             self._formulas[name.text] = formula
         self._uses["" if name is None else name.text] = tuple(self._named)
         return formula
@@ -390,7 +390,7 @@ class TextReader:
         for phrase, names in (("formula", self._formulas), ("constant", self.constants)):
             if name.text in names:
                 reason = f"'{name.text}' already names a {phrase}"
-                raise self._fail(name, reason, "choose another name")
+                raise fail(name, reason, "choose another name")
         self._check_field(name)
 
     def _resolve(self, token: Token) -> Node:
@@ -410,7 +410,7 @@ class TextReader:
         if self._all_declared and self._check_field(token) not in self._declared:
             known = (*self._declared, *self._formulas, *self.constants)
             hint = similar_name(token.text, known, f"float {token.text}")
-            raise self._fail(token, f"'{token.text}' is not declared", hint)
+            raise fail(token, f"'{token.text}' is not declared", hint)
 
     def _check_field(self, token: Token) -> str:
         """Return the declared message of a field; otherwise, the first part of the name."""
@@ -425,8 +425,5 @@ class TextReader:
                     f"'{message}' is a {kind} and has no {phrase} '{remainder.removeprefix('.')}'"
                 )
                 hint = f"only variables of imported types have {phrase}s"
-                raise self._fail(token, reason, hint)
+                raise fail(token, reason, hint)
         return message
-
-    def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
-        return fail(self._text, token, reason, hint)

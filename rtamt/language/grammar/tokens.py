@@ -112,7 +112,7 @@ def _read(text: str) -> tuple[Statements, Sequence[Token]]:
         parser = StlParser(_Stream(tokens))
         parser.buildParseTrees = False
         parser._interp.predictionMode = PredictionMode.SLL  # noqa: SLF001 - the documented way
-        parser._errHandler = _Refusal(text, tokens)  # noqa: SLF001
+        parser._errHandler = _Refusal(tokens)  # noqa: SLF001
         try:
             return cast("Statements", parser.specification()), tokens
         except ParseError as error:
@@ -168,7 +168,7 @@ class _Scanner:
         text = self.text[token.start : token.stop + 1]
         if token.type in _NAMES:
             if reason := too_long(text):
-                raise fail(self.text, token, reason, "write a shorter name")
+                raise fail(token, reason, "write a shorter name")
             row = OPERATORS.words.get(text)
             return token.type if row is None else _TYPES[row.notation, row.timed]
         rows = OPERATORS.spellings
@@ -196,23 +196,23 @@ class _Scanner:
                 self.unfinished = True
             case StlParser.OPEN_COMMENT:
                 hint = "write '*/' where it ends"
-                raise fail(self.text, token, "the comment is not closed", hint)
+                raise fail(token, "the comment is not closed", hint)
             case StlParser.ILLEGAL:
-                raise misspelt(self.text, token)
+                raise misspelt(token)
 
     def _close(self, token: Token) -> None:
         if not self.brackets:
             hint = "remove it, or open a bracket before it"
-            raise fail(self.text, token, f"'{token.text}' has no opening bracket", hint)
+            raise fail(token, f"'{token.text}' has no opening bracket", hint)
         opened = self.brackets.pop()
         if opened.type == StlParser.OPEN_INTERVAL:
             open_end = self.tokens[-1].type in _OPEN_ENDS
             if token.type == StlParser.CLOSE and not open_end:
                 reason = f"expected ']' to close {_place(opened)}, got ')'"
-                raise fail(self.text, token, reason, "both bounds belong to an interval: [0:5]")
+                raise fail(token, reason, "both bounds belong to an interval: [0:5]")
             self.unfinished = not self._is_range(opened)  # an operand follows an interval
         elif token.type == StlParser.CLOSE_INTERVAL:
-            raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
+            raise fail(token, f"expected ')' to close {_place(opened)}, got ']'")
 
     def _is_range(self, opened: Token) -> bool:
         """Return whether a bracket opens a range of a declaration, not an interval.
@@ -234,7 +234,7 @@ class _Scanner:
             reason = too_deep("brackets are", len(self.brackets))
         else:
             return
-        raise fail(self.text, token, reason, "write the formula as several specifications")
+        raise fail(token, reason, "write the formula as several specifications")
 
     def _finish(self, lexer: StlLexer, eof: Token) -> list[Token]:
         """End the last statement at its last token, not at empty lines below it."""
@@ -255,7 +255,7 @@ class _Scanner:
         opened = self.brackets[-1]
         closer = "]" if opened.type == StlParser.OPEN_INTERVAL else ")"
         hint = f"write '{closer}' where it ends"
-        return fail(self.text, opened, f"'{opened.text}' is not closed", hint)
+        return fail(opened, f"'{opened.text}' is not closed", hint)
 
 
 def _place(token: Token) -> str:
@@ -298,9 +298,8 @@ class _Stream:
 class _Refusal(BailErrorStrategy):  # type: ignore[misc] # ANTLR is not typed
     """An error strategy that ends the parse at the first syntax error, with our own message."""
 
-    def __init__(self, text: str, tokens: Sequence[Token]) -> None:
+    def __init__(self, tokens: Sequence[Token]) -> None:
         super().__init__()
-        self.text = text
         self.tokens = tokens
 
     def reportError(self, recognizer: StlParser, e: RecognitionException) -> NoReturn:  # noqa: N802
@@ -312,4 +311,4 @@ class _Refusal(BailErrorStrategy):  # type: ignore[misc] # ANTLR is not typed
     def _refuse(self, parser: StlParser, token: Token) -> NoReturn:
         rule = parser.ruleNames[parser._ctx.getRuleIndex()]  # noqa: SLF001
         expected = frozenset(parser.getExpectedTokens())
-        raise diagnose(self.text, self.tokens, token, rule, expected)
+        raise diagnose(self.tokens, token, rule, expected)
