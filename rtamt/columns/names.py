@@ -115,15 +115,10 @@ _MANY = 4096
 
 
 class ColumnName(NamedTuple):
-    """A name of a column.
+    """A name of a column."""
 
-    Attributes:
-        words: Its words in lower case, without accents, unit and marks.
-        unit: The text in brackets after them; None without brackets.
-    """
-
-    words: tuple[str, ...]
-    unit: str | None
+    words: tuple[str, ...]  # its words in lower case, without accents, unit and marks
+    unit: str | None  # the text in brackets after them; None without brackets
 
 
 INDEX = re.compile(r"Unnamed: \d+|level_\d+|__index_level_\d+__|index|idx|", re.IGNORECASE)

@@ -125,17 +125,12 @@ def _reads_values(read: Collection[str]) -> bool:
 
 
 class Objects(NamedTuple):
-    """Evidence that the rows of a table belong to several objects or episodes.
+    """Evidence that the rows of a table belong to several objects or episodes."""
 
-    Attributes:
-        column: The column that separates them; empty if unknown.
-        values: Its values, in order of appearance; empty if unknown.
-        row: The row at which another episode starts, by a column of flags or of a count that
-            starts again; None if the values separate objects.
-    """
-
-    column: str
-    values: tuple[str, ...]
+    column: str  # the column that separates them; empty if unknown
+    values: tuple[str, ...]  # its values, in order of appearance; empty if unknown
+    # the row at which another episode starts, by a column of flags or of a count that starts
+    # again; None if the values separate objects
     row: int | None = None
 
 

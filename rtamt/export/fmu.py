@@ -87,25 +87,15 @@ _CATEGORIES: Final = {
 
 
 class UnitVariable(NamedTuple):
-    """A variable of a unit.
+    """A variable of a unit."""
 
-    Attributes:
-        name: Its name.
-        reference: Its value reference.
-        kind: Its type; the name depends on the version of FMI.
-        causality: Its role in FMI; a local variable is a constant that cannot be set.
-        start: Its start value; None if it is calculated.
-        meaning: Its description in the model description.
-        range: Its declared minimum and maximum, or None.
-    """
-
-    name: str
-    reference: int
-    kind: VariableType
-    causality: Causality
-    start: float | None
-    meaning: str
-    range: tuple[float, float] | None = None
+    name: str  # its name
+    reference: int  # its value reference
+    kind: VariableType  # its type; the name depends on the version of FMI
+    causality: Causality  # its role in FMI; a local variable is a constant that cannot be set
+    start: float | None  # its start value; None if it is calculated
+    meaning: str  # its description in the model description
+    range: tuple[float, float] | None = None  # its declared minimum and maximum, or None
 
 
 def variables_of(programs: Programs, *, stop: bool) -> list[UnitVariable]:

@@ -100,23 +100,15 @@ LineFields = tuple[str | float | None, ...]
 
 @dataclass(frozen=True)
 class Programs:
-    """The programs of a unit, as records of its file.
+    """The programs of a unit, as records of its file."""
 
-    Attributes:
-        program: The program with all registers.
-        step: Seconds between samples; None over dense time.
-        clock: The record of the period or the ticks.
-        notes: A note on the value of each named formula.
-        episodes: The episode of each named formula in the file; None: the next observed register.
-        records: The records of the programs.
-    """
-
-    program: Program
-    step: float | None
-    clock: LineFields
-    notes: Mapping[str, str]
+    program: Program  # the program with all registers
+    step: float | None  # seconds between samples; None over dense time
+    clock: LineFields  # the record of the period or the ticks
+    notes: Mapping[str, str]  # a note on the value of each named formula
+    # the episode of each named formula in the file; None: the next observed register
     episodes: Sequence[int | None]
-    records: Sequence[LineFields]
+    records: Sequence[LineFields]  # the records of the programs
 
     @cached_property
     def inputs(self) -> Mapping[str, float]:

@@ -177,10 +177,6 @@ class Interval:
 class Traced(float):
     """A number that depends on constants of a text; it equals any equal number.
 
-    Attributes:
-        source: The name of the constant, or of the function that returned the number.
-        operands: The operands of the function; empty for a constant.
-
     Example:
         >>> limit = Traced(4.0, "limit")
         >>> root = applied("sqrt", lambda x: x**0.5, limit)
@@ -188,8 +184,8 @@ class Traced(float):
         (2.0, sqrt(limit), ['limit'])
     """
 
-    source: str
-    operands: tuple[float, ...]
+    source: str  # the name of the constant, or of the function that returned the number
+    operands: tuple[float, ...]  # the operands of the function; empty for a constant
 
     def __new__(cls, value: float, source: str, operands: tuple[float, ...] = ()) -> Self:
         """Return a number with its source and operands."""
@@ -227,13 +223,11 @@ class TracedInterval(Interval):
     """An interval with a constant as a bound, times a factor for sign and unit.
 
     Intervals with the same bounds but other constants differ. It may be ``[0, inf)``.
-
-    Attributes:
-        begin_of: The constant of the start and its factor; None if the start is a number.
-        end_of: The constant of the end and its factor; None if the end is a number.
     """
 
+    # the constant of the start and its factor; None if the start is a number
     begin_of: tuple[str, Fraction] | None = None
+    # the constant of the end and its factor; None if the end is a number
     end_of: tuple[str, Fraction] | None = None
 
     @property

@@ -85,41 +85,29 @@ Grouping = Literal["flat", "left-flat", "left", "none"]
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """One row.
+    """One row."""
 
-    Attributes:
-        spellings: Every spelling that the parser takes; `str` prints the first.
-        notation: ``op p``, ``p op q``, ``op(p, ...)``, or a formula without operands.
-        precedence: Binding strength; higher binds tighter.
-        doc: The robustness at sample i, in one line.
-        meaning: The robustness, over a builder and the operands' registers (after the bounds).
-        arity: The smallest and the largest number of operands; None is any.
-        operands: Whether the operands are terms or formulas.
-        result: Whether the result is a term or a formula.
-        grouping: For infix operators: ``flat`` associates and is one node of many operands,
-            ``left-flat`` is one node only if grouped to the left (floating-point sums), ``left``
-            nests to the left, ``none`` does not chain.
-        timed: Whether an interval may follow the operator.
-        future: Whether the value depends on later samples.
-        sampled: Whether the value depends on neighbouring samples, which dense time does not have.
-        holds: For predicates: +inf where they hold, -inf elsewhere; over a builder and registers.
-        name: The key of the row; default: the first spelling.
-    """
-
-    spellings: tuple[str, ...]
-    notation: Notation
-    precedence: int
-    doc: str
+    spellings: tuple[str, ...]  # every spelling that the parser takes; `str` prints the first
+    notation: Notation  # ``op p``, ``p op q``, ``op(p, ...)``, or a formula without operands
+    precedence: int  # binding strength; higher binds tighter
+    doc: str  # the robustness at sample i, in one line
+    # the robustness, over a builder and the operands' registers (after the bounds)
     meaning: Meaning
+    # the smallest and the largest number of operands; None is any
     arity: tuple[int, int | None] = (1, 1)
-    operands: Kind = "formula"
-    result: Kind = "formula"
+    operands: Kind = "formula"  # whether the operands are terms or formulas
+    result: Kind = "formula"  # whether the result is a term or a formula
+    # for infix operators: ``flat`` associates and is one node of many operands, ``left-flat`` is
+    # one node only if grouped to the left (floating-point sums), ``left`` nests to the left,
+    # ``none`` does not chain
     grouping: Grouping = "none"
-    timed: bool = False
-    future: bool = False
+    timed: bool = False  # whether an interval may follow the operator
+    future: bool = False  # whether the value depends on later samples
+    # whether the value depends on neighbouring samples, which dense time does not have
     sampled: bool = False
+    # for predicates: +inf where they hold, -inf elsewhere; over a builder and registers
     holds: Meaning | None = None
-    name: str = ""
+    name: str = ""  # the key of the row; default: the first spelling
 
     def __post_init__(self) -> None:
         """Name the row and check that its fields fit together."""
@@ -145,18 +133,14 @@ class Operator:
 
 
 class OperatorTable(Mapping[str, Operator]):
-    """The rows by name, with indexes over their spellings.
+    """The rows by name, with indexes over their spellings."""
 
-    Attributes:
-        spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
-        words: Spelling to its row, for the spellings that are words.
-        reserved: Words that cannot name a variable: keywords, ``true`` and ``false``, and operators
-            (``G - 3`` would have two readings). Names of functions are free: a function needs a
-            ``(`` after its name.
-    """
-
+    # (spelling, notation) to its row; ``-`` is a prefix and an infix operator
     spellings: Mapping[tuple[str, Notation], Operator]
-    words: Mapping[str, Operator]
+    words: Mapping[str, Operator]  # spelling to its row, for the spellings that are words
+    # words that cannot name a variable: keywords, ``true`` and ``false``, and operators (``G - 3``
+    # would have two readings). Names of functions are free: a function needs a ``(`` after its
+    # name
     reserved: frozenset[str]
 
     def __init__(self, rows: Iterable[Operator]) -> None:

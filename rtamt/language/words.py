@@ -202,19 +202,13 @@ _Pieces = tuple[str | _Named | Node, ...]
 
 
 class _Clause(NamedTuple):
-    """A part of a sentence.
+    """A part of a sentence."""
 
-    Attributes:
-        pieces: Texts, names, and formulas that are numbered clauses.
-        standalone: Whether it can stand anywhere: no comma, nothing joined.
-        phrases: The number of consecutive phrases with a comma; 0 if another clause may follow.
-        bracketed: Whether it contains brackets.
-    """
-
-    pieces: _Pieces
-    standalone: bool = True
+    pieces: _Pieces  # texts, names, and formulas that are numbered clauses
+    standalone: bool = True  # whether it can stand anywhere: no comma, nothing joined
+    # the number of consecutive phrases with a comma; 0 if another clause may follow
     phrases: int = 0
-    bracketed: bool = False
+    bracketed: bool = False  # whether it contains brackets
 
 
 class _Text:

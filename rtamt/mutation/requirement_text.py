@@ -34,44 +34,27 @@ _OPERAND_ENDS: Final = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One change of a text, or of the value of a constant.
+    """One change of a text, or of the value of a constant."""
 
-    Attributes:
-        line: The line of the change, from 1.
-        column: Its column, from 1.
-        before: The text before the change, with some context.
-        after: The text after the change; empty if nothing is left.
-        begin: The index of the first removed character.
-        end: The index after the last removed character.
-        new: The characters to insert.
-        constant: A constant with its new value if its value is not in the text; otherwise None.
-    """
-
-    line: int
-    column: int
-    before: str
-    after: str
-    begin: int
-    end: int
-    new: str
+    line: int  # the line of the change, from 1
+    column: int  # its column, from 1
+    before: str  # the text before the change, with some context
+    after: str  # the text after the change; empty if nothing is left
+    begin: int  # the index of the first removed character
+    end: int  # the index after the last removed character
+    new: str  # the characters to insert
+    # a constant with its new value if its value is not in the text; otherwise None
     constant: tuple[str, Fraction] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A bound of an interval.
+    """A bound of an interval."""
 
-    Attributes:
-        index: The index of its number or constant.
-        unit: Its unit, or None.
-        first: The index of the opening bracket of the interval.
-        last: The index of the closing bracket.
-    """
-
-    index: int
-    unit: str | None
-    first: int
-    last: int
+    index: int  # the index of its number or constant
+    unit: str | None  # its unit, or None
+    first: int  # the index of the opening bracket of the interval
+    last: int  # the index of the closing bracket
 
 
 class RequirementText:

@@ -57,17 +57,12 @@ INF = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A total function on doubles, under the same name as in C++.
-
-    Attributes:
-        apply: The function.
-        rule: Its values for unknown operands; see `rtamt.program.intervals`.
-    """
+    """A total function on doubles, under the same name as in C++."""
 
     name: str
     arity: int
-    apply: Callable[..., float]
-    rule: IntervalRule
+    apply: Callable[..., float]  # the function
+    rule: IntervalRule  # its values for unknown operands; see `rtamt.program.intervals`
 
 
 def _div(x: float, y: float) -> float:
@@ -213,23 +208,16 @@ class LatticeFold:
     """A fold of a window's elements by min and max alone; the older element is on the left.
 
     An element is the operands' numbers at one time. The top of this module lists the laws.
-
-    Attributes:
-        width: Numbers in an element; the last one is the result.
-        mirror: The same fold with time flipped.
-        dual: The same fold with min and max exchanged, for negated operands.
-        combine: The fold of two elements.
-        combine_arrays: The fold of two elements with arrays as numbers.
-        made: Returns this fold with other functions in place of min and max.
     """
 
     name: str
-    width: int
+    width: int  # numbers in an element; the last one is the result
     identity: Element
-    mirror: str
-    dual: str
-    combine: _Combine[float]
-    combine_arrays: _Combine[NDArray[np.float64]]
+    mirror: str  # the same fold with time flipped
+    dual: str  # the same fold with min and max exchanged, for negated operands
+    combine: _Combine[float]  # the fold of two elements
+    combine_arrays: _Combine[NDArray[np.float64]]  # the fold of two elements with arrays as numbers
+    # returns this fold with other functions in place of min and max
     made: Callable[[_Lattice[Any], _Lattice[Any]], _Combine[Any]]
 
 

@@ -279,19 +279,13 @@ class Routes:
 
 
 class TraceSpan(NamedTuple):
-    """The instants of a trace, and how its end mode limits windows.
+    """The instants of a trace, and how its end mode limits windows."""
 
-    Attributes:
-        last: The last recorded instant: a sample, or a position of dense time.
-        complete: Whether every window is cut to the trace.
-        cut: Whether windows of future operators without an end are cut if some of it was recorded.
-        dense: Whether instants are positions of dense time.
-    """
-
-    last: int
-    complete: bool
+    last: int  # the last recorded instant: a sample, or a position of dense time
+    complete: bool  # whether every window is cut to the trace
+    # whether windows of future operators without an end are cut if some of it was recorded
     cut: bool
-    dense: bool = False
+    dense: bool = False  # whether instants are positions of dense time
 
     def window(self, bounds: Bounds, runs: InstantRuns) -> InstantRuns:
         """Return the instants that a window of a future operator at each of some instants reads."""

@@ -50,19 +50,16 @@ class Window:
     """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded.
 
     The last two fields matter only to machines that compute bounds.
-
-    Attributes:
-        guard: Whether it must hold before a witness of ``until``, or of its dual. If the witness is
-            there, so is everything before it; other windows of the future may lack unseen elements.
-        endless: Whether it is part of an operator without an end that starts at `begin`.
     """
 
     fold: str
     lo: int | None
     hi: int | None
     args: tuple[int, ...]
+    # whether it must hold before a witness of ``until``, or of its dual. If the witness is there,
+    # so is everything before it; other windows of the future may lack unseen elements
     guard: bool = False
-    endless: bool = False
+    endless: bool = False  # whether it is part of an operator without an end that starts at `begin`
 
     @property
     def length(self) -> int | None:

@@ -78,16 +78,12 @@ _MEANINGS: Mapping[SemanticsName, tuple[Role, bool]] = {
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A semantics, and the variables that a system reads and sets; see `as_interface`.
+    """A semantics, and the variables that a system reads and sets; see `as_interface`."""
 
-    Attributes:
-        semantics: The name of the semantics.
-        inputs: Variables that the system reads; the name of a message means all its fields.
-        outputs: Variables that the system sets; the name of a message means all its fields.
-    """
-
-    semantics: SemanticsName = "standard"
+    semantics: SemanticsName = "standard"  # the name of the semantics
+    # variables that the system reads; the name of a message means all its fields
     inputs: tuple[str, ...] = ()
+    # variables that the system sets; the name of a message means all its fields
     outputs: tuple[str, ...] = ()
 
     def role(self, variable: str) -> Role | None:

@@ -25,17 +25,11 @@ EVERYTHING: Ends = (-INF, INF)
 
 
 class Range(NamedTuple):
-    """The possible values of a term.
+    """The possible values of a term."""
 
-    Attributes:
-        lower: The smallest one.
-        upper: The largest one.
-        known: Whether the term reads no unknown sample, so that both are its value.
-    """
-
-    lower: float
-    upper: float
-    known: bool = False
+    lower: float  # the smallest one
+    upper: float  # the largest one
+    known: bool = False  # whether the term reads no unknown sample, so that both are its value
 
 
 def of_ends(lower: float, upper: float) -> Range:

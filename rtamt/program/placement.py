@@ -26,19 +26,14 @@ Each doubles the time of an update and the memory of a machine.
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """A program and the times at which its registers are read.
+    """A program and the times at which its registers are read."""
 
-    Attributes:
-        program: The program, without negations above its predicates.
-        initial: Registers that are read only at time 0, in order; the last is the result.
-        streams: Registers that are read at all times, in order; some are in both lists.
-        unknowns: Streams of windows without an end, which never settle.
-    """
-
-    program: Program
+    program: Program  # the program, without negations above its predicates
+    # registers that are read only at time 0, in order; the last is the result
     initial: tuple[int, ...]
+    # registers that are read at all times, in order; some are in both lists
     streams: tuple[int, ...]
-    unknowns: tuple[int, ...]
+    unknowns: tuple[int, ...]  # streams of windows without an end, which never settle
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
