@@ -1,16 +1,5 @@
 """Roles of the columns of a table: times with their unit, and ids of objects or episodes."""
 
-from rtamt.columns.names import (
-    NANOSECONDS,
-    calendar_unit,
-    has_plain_time_name,
-    hinted_unit,
-    name_words,
-    own_times,
-    read_name,
-    split_times,
-    unit_of_times,
-)
 from rtamt.columns.objects import (
     Objects,
     are_flags,
@@ -26,14 +15,23 @@ from rtamt.columns.objects import (
     turns_in,
 )
 from rtamt.columns.times import (
+    NANOSECONDS,
     are_clock_numbers,
     are_days,
+    calendar_unit,
     dates_of_numbers,
+    has_plain_time_name,
+    hinted_unit,
     is_date,
     looks_like_times,
     median,
+    name_words,
+    own_times,
     plausible_units,
+    read_name,
+    split_times,
     stated_period,
+    unit_of_times,
 )
 
 __all__ = [

@@ -8,16 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.columns.names import (
+from rtamt.columns.times import (
     CLOCKS,
     INDEX,
     QUANTITIES,
     calendar_unit,
+    is_date,
+    median,
     read_name,
     unit_of_times,
     word_set,
 )
-from rtamt.columns.times import is_date, median
 
 _OBJECTS = word_set(
     "name vehicle veh car truck agent actor entity object obj robot drone uav ego track "

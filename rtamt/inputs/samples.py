@@ -31,7 +31,7 @@ from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbe
 from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, UncertainValue, halves
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
-from rtamt.program.intervals import of_ends
+from rtamt.program.algebra import of_ends
 from rtamt.program.memory import limit_episode
 from rtamt.program.program import Program, ranges_of
 

@@ -25,7 +25,7 @@ To add a function, such as ``tanh``:
 
 1. Add a row to `OPERATORS`: ``_function("tanh", "hyperbolic tangent")``.
 2. Add a row to `FUNCTIONS` in `rtamt.program.algebra`. It names the rule of
-   `rtamt.program.intervals` for unknown operands; ``everything`` is right for every function. Add
+   the same module for unknown operands; ``everything`` is right for every function. Add
    a rule that rounds outward to ``WIDER`` in ``tests/rtamt/program/test_interval_arithmetic.py``.
 3. In C++, add a line to the X-macro in ``rtamt/native/core/functions.hpp``, and the same rule under
    the same name in ``rtamt/native/core/intervals.hpp``. If the function returns a number for a nan,

@@ -10,9 +10,8 @@ import numpy as np
 from rtamt.inputs.arrays import Floats
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.state import Retiring, StateFields
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.algebra import FUNCTIONS, of_ends
 from rtamt.program.instructions import Const, Load, Map
-from rtamt.program.intervals import of_ends
 from rtamt.program.program import Program, ranges_of
 
 Registers = list[float]

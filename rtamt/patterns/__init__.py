@@ -22,18 +22,20 @@ from rtamt.patterns.formulas import (
     absence_between,
     in_order,
     minimum_duration,
+    named_stages,
     never,
     overshoot,
     precedence,
+    prefixes,
     rate_limit,
     recurrence,
     response,
     rise_time,
     settling_time,
+    stages,
     success,
     within_limits,
 )
-from rtamt.patterns.stages import named_stages, prefixes, stages
 
 __all__ = [
     "CATALOGUE",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 
 from rtamt.errors import Argument, Message
 from rtamt.language.node import Node
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.algebra import FUNCTIONS, Range, range_of
 from rtamt.program.instructions import (
     Const,
     Instruction,
@@ -28,7 +28,6 @@ from rtamt.program.instructions import (
     listed,
     operands,
 )
-from rtamt.program.intervals import Range, range_of
 
 if TYPE_CHECKING:
     from rtamt.language.specification import Specification

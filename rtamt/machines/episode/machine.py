@@ -49,9 +49,8 @@ from rtamt.machines.episode.streams import (
 from rtamt.machines.protocols import OPEN_WORLDS, End, World, worlds_of
 from rtamt.machines.state import Readout, Retiring, StateFields, moved
 from rtamt.machines.terms import PythonSampleMachine, Registers
-from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.algebra import FOLDS, FUNCTIONS, of_ends
 from rtamt.program.instructions import Const, Load, Map, Window
-from rtamt.program.intervals import of_ends
 from rtamt.program.placement import neutral_registers, place, variants_of
 from rtamt.program.program import Program, ranges_of
 

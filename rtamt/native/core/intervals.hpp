@@ -1,5 +1,5 @@
 // Interval arithmetic: which values a function of MAP can have where its operands are not known.
-// The definitions are the rules of rtamt/program/intervals.py, which FUNCTIONS in
+// The definitions are the rules of rtamt/program/algebra.py, which FUNCTIONS in
 // rtamt/program/algebra.py names; the results are equal bit for bit.
 #pragma once
 

@@ -18,8 +18,7 @@ from rtamt.errors import ParseError, SpecificationError
 from rtamt.language import parser
 from rtamt.language.formula import make
 from rtamt.language.operators import KEYWORDS, OPERATORS, Operator, _function
-from rtamt.program.algebra import FUNCTIONS, Function
-from rtamt.program.intervals import monotone
+from rtamt.program.algebra import FUNCTIONS, Function, monotone
 
 Add = Callable[[Operator], None]
 

@@ -19,9 +19,8 @@ from rtamt import InputError, parse
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.terms import FindRanges
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.algebra import EVERYTHING, FUNCTIONS, Range, everything, of_ends, range_of
 from rtamt.program.instructions import Const, Load, Map
-from rtamt.program.intervals import EVERYTHING, Range, everything, of_ends, range_of
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 
