@@ -16,7 +16,6 @@ at an interval (q or p for the dual folds). A window with an odd last offset end
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,9 +26,9 @@ from rtamt.language.interval import UNITS
 from rtamt.language.node import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
-from rtamt.program.instructions import Instruction, Map, Window
+from rtamt.program.instructions import Window, operands
 from rtamt.program.interface import STANDARD, Interface
-from rtamt.program.lowering import ProgramBuilder, refuse_rates
+from rtamt.program.lowering import ProgramBuilder, cached_by_text, refuse_rates
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period, seconds_text
 
@@ -220,6 +219,7 @@ def _common(a: Fraction, b: Fraction) -> Fraction:
     return Fraction(math.gcd(int(a * scale), int(b * scale)), scale)
 
 
+@cached_by_text
 def compile_dense(
     specification: Specification,
     resolution: Fraction = NANOSECOND,
@@ -228,20 +228,8 @@ def compile_dense(
     online: bool = False,
 ) -> DenseProgram:
     """Return the program of a specification over dense time."""
-    # Equal specifications may differ in their text, and errors point at the text.
-    return _cached(specification, specification.text, resolution, interface, online)
-
-
-@functools.lru_cache(maxsize=512)
-def _cached(
-    specification: Specification,
-    text: str,
-    resolution: Fraction,
-    interface: Interface,
-    online: bool,  # noqa: FBT001 - a key of the cache
-) -> DenseProgram:
     if online:
-        offline = _cached(specification, text, resolution, interface, online=False)
+        offline = compile_dense(specification, resolution, interface=interface)
         instead = Argument("dense", words="use rtamt.dense.evaluate()")
         program = offline.program.online("rtamt.dense.Monitor", instead)
         return DenseProgram(program, resolution)
@@ -291,19 +279,14 @@ def _reach(program: Program) -> int:
     """Return the sum of the longest offsets on a path of windows, in ticks."""
     reaches: list[int] = []
     for instruction in program.instructions:
-        reaches.append(_own_reach(instruction, reaches))
+        reach = max((reaches[a] for a in operands(instruction)), default=0)
+        if isinstance(instruction, Window):
+            reach += max(abs(instruction.lo or 0), abs(instruction.hi or 0))
+        reaches.append(reach)
     return (reaches[program.result] + 1) // 2
 
 
-def _own_reach(instruction: Instruction, reaches: list[int]) -> int:
-    if not isinstance(instruction, Map | Window):
-        return 0
-    reach = max(reaches[a] for a in instruction.args)
-    if isinstance(instruction, Window):
-        reach += max(abs(instruction.lo or 0), abs(instruction.hi or 0))
-    return reach
-
-
+@cached_by_text
 def compile_regions(
     specification: Specification,
     resolution: Fraction,
@@ -312,18 +295,6 @@ def compile_regions(
     named: bool = False,
 ) -> RegionProgram:
     """Return the program of a specification over the regions of dense time."""
-    # Equal specifications may differ in their text, and errors point at the text.
-    return _cached_regions(specification, specification.text, resolution, interface, named)
-
-
-@functools.lru_cache(maxsize=512)
-def _cached_regions(
-    specification: Specification,
-    text: str,  # noqa: ARG001 - a key of the cache
-    resolution: Fraction,
-    interface: Interface,
-    named: bool,  # noqa: FBT001 - a key of the cache
-) -> RegionProgram:
     compile_dense(specification, resolution, interface=interface)  # raises its errors
     program = _RegionBuilder(specification, resolution, interface).program()
     if not named:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import assert_never, cast
+from typing import Concatenate, ParamSpec, TypeVar, assert_never, cast
 
 from rtamt.language.formula import Term
 from rtamt.language.interval import applied
@@ -25,6 +25,9 @@ from rtamt.program.instructions import (
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, alignment, samples
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 
 class ProgramBuilder:
@@ -200,6 +203,24 @@ class ProgramBuilder:
         return self.map("min", self._guard(begin, p, endless=end is None), fold)
 
 
+def cached_by_text(
+    compiler: Callable[Concatenate[Specification, _P], _R],
+) -> Callable[Concatenate[Specification, _P], _R]:
+    """Cache programs: equal specifications may differ in their text, and errors point at it."""
+
+    def compile_text(text: str, spec: Specification, *args: _P.args, **kwargs: _P.kwargs) -> _R:  # noqa: ARG001 - a key of the cache
+        return compiler(spec, *args, **kwargs)
+
+    cached: Callable[..., _R] = functools.lru_cache(maxsize=512)(compile_text)
+
+    @functools.wraps(compiler)
+    def compiled(spec: Specification, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        return cached(spec.text, spec, *args, **kwargs)
+
+    return compiled
+
+
+@cached_by_text
 def compile_program(
     specification: Specification,
     period: Fraction | None = None,
@@ -209,21 +230,8 @@ def compile_program(
     online: bool = False,
 ) -> Program:
     """Return the program of a specification over samples."""
-    # Equal specifications may differ in their text, and errors point at the text.
-    return _cached(specification, specification.text, period, interface, align, online)
-
-
-@functools.lru_cache(maxsize=512)
-def _cached(
-    specification: Specification,
-    text: str,
-    period: Fraction | None,
-    interface: Interface,
-    align: Align | None,
-    online: bool,  # noqa: FBT001 - a key of the cache
-) -> Program:
     if online:
-        return _cached(specification, text, period, interface, align, online=False).online()
+        return compile_program(specification, period, interface=interface, align=align).online()
     return ProgramBuilder(specification, period, interface, align).program()
 
 
