@@ -17,7 +17,6 @@ from interface_oracle import SEMANTICS
 from profiles import examples
 from strategies import Trace, length, sample, traces
 
-import rtamt
 from rtamt import EpisodeMonitor, InputError, SpecificationError, parse
 from rtamt.export.fmu import Fmi, export_fmu
 from rtamt.typing import SemanticsName
@@ -103,30 +102,6 @@ def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, tra
         check_steps(unit, expected, trace, 1)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_unbounded_named_formulas_match_episode_monitor(fmi: Fmi) -> None:
-    text = """
-    const float limit = 30
-    slow = always(speed < limit)
-    done = eventually(speed > 20)
-    answered = always(speed > 10 implies done)
-    out = always(slow) and answered
-    """
-    with exported(text, fmi, period=1) as unit:
-        unit.begin({"limit": 25.0})
-        found = []
-        for i, speed in enumerate((5.0, 15.0, 22.0, 12.0)):
-            unit.step(i, 1, {"speed": speed})
-            found.append(unit.get("slow", "done", "answered", "out"))
-            assert unit.get("out") == unit.get("robustness")
-    assert found == [
-        [20.0, -15.0, 5.0, 5.0],
-        [10.0, -5.0, -5.0, -5.0],
-        [3.0, 2.0, 2.0, 2.0],
-        [3.0, 2.0, -2.0, -2.0],
-    ]
-
-
 def test_a_sample_is_refused_by_every_formula_or_by_none() -> None:
     # The result does not use the terms of `other`, and would have accepted the sample.
     text = "other = always(eventually(sqrt(y) > 0)); fine = always(eventually(x > 0))"
@@ -188,43 +163,6 @@ def test_steps_are_in_seconds(unit: str) -> None:
     assert identical(settled[1], [nan, 5.0, inf, 1.0])
     assert identical(settled[2], [nan, 5.0, 5.0, 1.0])
     assert [item[0] for item in settled[3:]] == [5.0, 5.0]
-
-
-def test_dense_named_formula_over_the_trace_so_far() -> None:
-    text = (
-        "low = always(x < 5); seen = eventually[0:1](x > 2); done = eventually(seen); once(x > 3)"
-    )
-    parts = {
-        "low": "always(x < 5)",
-        "seen": "eventually[0:1](x > 2)",
-        "done": "eventually(eventually[0:1](x > 2))",
-    }
-    monitors = {name: rtamt.dense.Monitor(f"{name} = {part}") for name, part in parts.items()}
-    with exported(text, 2, dense=True) as unit:
-        unit.begin()
-        for i, x in enumerate((1.0, 4.0, 3.0, 2.0, 1.0)):
-            for monitor in monitors.values():
-                monitor.update({"x": [(float(i), x)]})
-            unit.step(i, 1, {"x": x})
-            expected = [monitor.values[name] for name, monitor in monitors.items()]
-            assert identical(unit.get(*parts), expected)
-        assert unit.get(*parts) == [1.0, 1.0, 2.0]
-
-
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_unbounded_formula_as_if_the_run_ended_now(fmi: Fmi) -> None:
-    text = "done = always(x > 0 implies eventually(y > 0)); near = once[0:1](x > 0); done and near"
-    steps = ((0.0, 1.0, -1.0), (2.0, 1.0, -2.0), (3.0, -1.0, 4.0), (3.5, 1.0, -3.0))
-    with exported(text, fmi, dense=True) as unit:
-        assert unit.entries["done"].description.endswith("as if the run ended now")
-        unit.begin()
-        found = []
-        for time, x, y in steps:
-            unit.step(time, {0.0: 2.0, 2.0: 1.0}.get(time, 0.5), {"x": x, "y": y})
-            found.append(unit.get("done", "near", "robustness"))
-    assert [item[0] for item in found] == [-1.0, -1.0, 4.0, -1.0]
-    assert identical(found[0][1:], [math.nan, -1.0])
-    assert found[3][1:] == [1.0, -1.0]
 
 
 KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense": True}}

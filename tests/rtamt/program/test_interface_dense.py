@@ -17,7 +17,6 @@ from interface_cases import Case, cases, read
 from profiles import examples
 
 import rtamt
-from rtamt.typing import SemanticsName
 
 Backend = Literal["native", "python"]
 Breakpoints = list[tuple[float, float]]
@@ -73,34 +72,3 @@ def test_a_duplicate_keeps_the_semantics(
     twin = duplicate(monitor)
     assert twin.interface == monitor.interface
     assert twin.update({"a": [(1, -1), (2, 1)], "b": [(2, 5)]}) == [(0.0, 3.0), (1.0, -INF)]
-
-
-# The figures of the paper: (b), never a request; (d), a grant of 1 for a request of height 4.
-GRANTED = "always((req >= 3) implies eventually[0:5](gnt >= 3))"
-SIGNALS = {
-    "b": {"req": [(0, 0), (1, 2), (3, 0), (9, 0)], "gnt": [(0, 0), (9, 0)]},
-    "d": {"req": [(0, 0), (1, 4), (2, 0), (9, 0)], "gnt": [(0, 0), (4, 1), (5, 0), (9, 0)]},
-}
-FIGURES: list[tuple[str, SemanticsName, float]] = [
-    ("b", "standard", 1),
-    ("b", "output-robustness", INF),
-    ("b", "input-vacuity", 1),
-    ("d", "standard", -1),
-    ("d", "output-robustness", -2),
-    ("d", "input-vacuity", 0),
-]
-
-
-@pytest.mark.parametrize(("signal", "semantics", "robustness"), FIGURES)
-def test_request_and_grant_of_the_paper(
-    signal: str, semantics: SemanticsName, robustness: float, backend: Backend
-) -> None:
-    events, req, gnt = SIGNALS[signal], ("req",), ("gnt",)
-    whole = rtamt.dense.evaluate(
-        GRANTED, events, semantics=semantics, inputs=req, outputs=gnt, backend=backend
-    )
-    assert whole[0] == (0.0, robustness)
-    monitor = rtamt.dense.Monitor(
-        GRANTED, semantics=semantics, inputs=req, outputs=gnt, backend=backend
-    )
-    assert monitor.update(events)[-1][1] == robustness
