@@ -298,10 +298,6 @@ _ROWS = word_set(
 def missing_row(name: str, values: NDArray[Any]) -> int | None:
     """Return the row before which rows are missing by the numbers of rows; None if there is none.
 
-    Args:
-        name: The column.
-        values: Its values.
-
     Example:
         >>> missing_row("frame", np.array([0, 1, 5, 6])), missing_row("frame", np.array([0, 5, 10]))
         (2, None)

@@ -388,22 +388,17 @@ def export_fmu(
 
 
 def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
-    """Return the bytes of a unit.
-
-    Raises:
-        SpecificationError: If the specification has a name that the monitor itself uses.
-        InputError: If this platform has no library, or it was not built.
-    """
+    """Return the bytes of a unit."""
     variables = variables_of(programs, stop=stop)
     # The token is a hash of the content, so that tools do not reuse the files of another unit.
     content = description_text(programs, variables, _UNNAMED, fmi)
     content += programs.text(token=_UNNAMED, stop=stop).encode()
     token = str(uuid.UUID(bytes=hashlib.sha256(content).digest()[:16]))
-    built = library()
+    path, binary = library(fmi)
     return _zipped(
         {
             "modelDescription.xml": description_text(programs, variables, token, fmi),
-            built.paths[fmi]: built.data,
+            path: binary,
             "resources/program.rtamt": programs.text(token=token, stop=stop).encode(),
         }
     )
@@ -421,15 +416,8 @@ def _zipped(files: Mapping[str, bytes]) -> bytes:
     return data.getvalue()
 
 
-class Library(NamedTuple):
-    """The shared library, and its path in a unit by the version of FMI."""
-
-    data: bytes
-    paths: Mapping[int, str]
-
-
-def library() -> Library:
-    """Return the library for this platform.
+def library(fmi: Fmi) -> tuple[str, bytes]:
+    """Return the path of the library for this platform in a unit, and its bytes.
 
     Raises:
         InputError: If this platform has no library, or it was not built.
@@ -444,8 +432,7 @@ def library() -> Library:
     folder = Path(__file__).parents[1] if built is None else Path(built.origin or "").parent
     path = folder / f"{MODEL}{ending}"
     try:
-        data = path.read_bytes()
+        return f"binaries/{folders[fmi - 2]}/{path.name}", path.read_bytes()
     except FileNotFoundError:
         msg = f"the FMU library {path.name} was not built; reinstall rtamt with a C++20 compiler"
         raise InputError(msg) from None
-    return Library(data, {v: f"binaries/{f}/{path.name}" for v, f in enumerate(folders, start=2)})

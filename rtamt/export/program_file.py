@@ -232,15 +232,9 @@ def _rows(kind: str, rows: Iterable[LineFields]) -> list[LineFields]:
 def _episodes(
     program: Program, late: Mapping[str, int | None]
 ) -> tuple[list[int], list[int | None]]:
-    """Return the named formulas with an episode of their own because a monitor cannot wait.
+    """Return the registers that need an episode, and the number of it for each named formula.
 
-    Args:
-        program: The program of the specification, which is episode 0.
-        late: The latency of each named formula; None if it needs the whole future.
-
-    Returns:
-        The registers with an episode, and for each named formula the number of its episode, or
-        None if it has a latency.
+    Episode 0 is of the specification. A formula with a latency needs none.
     """
     episodes = {program.result: 0}
     numbers: list[int | None] = []

@@ -143,13 +143,10 @@ _NO_NAMES: Mapping[Node, str] = {}
 def node_text(
     root: Node, names: Mapping[Node, str] = _NO_NAMES, runs: Collection[Node] = ()
 ) -> str:
-    """Return the text of a term or formula.
+    """Return the text of a term or formula, with names in place of some formulas.
 
-    Args:
-        root: The term or formula.
-        names: Names of formulas, which replace their text.
-        runs: The named formulas to show even if their operands have become operands of the same
-            operator: ``p and z > 0`` is one conjunction with the operands of ``p``.
+    Runs show even if their operands have become operands of the same operator: ``p and z > 0`` is
+    one conjunction with the operands of ``p``.
     """
     # Operands before their operator: no recursion, and a shared part is written once.
     texts = dict(names)

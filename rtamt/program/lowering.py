@@ -82,7 +82,7 @@ class ProgramBuilder:
         self.term = isinstance(node, Term) or (node.op is not None and node.op.operands == "term")
         if node.op is None:
             if isinstance(node.leaf, str):
-                return self._emit(Load(node.leaf), term=True)
+                return self.emit(Load(node.leaf), term=True)
             return self.constant(cast("float", node.leaf))
         args = [known[a] for a in node.args]
         if node.op.timed:
@@ -108,11 +108,12 @@ class ProgramBuilder:
             case "sign":
                 return sign(self, *args)
             case "zero":
-                return self._emit(Const(0.0, neutral=True), term=True)
+                return self.emit(Const(0.0, neutral=True), term=True)
             case _ as never:
                 assert_never(never)
 
-    def _emit(self, instruction: Instruction, *, term: bool) -> int:
+    def emit(self, instruction: Instruction, *, term: bool = False) -> int:
+        """Return the register of an instruction."""
         # A term and a formula of the same shape have registers of their own: at an unseen sample
         # a term is unknown as a whole, a formula operand by operand. The text
         # distinguishes 0.0 from -0.0.
@@ -128,7 +129,7 @@ class ProgramBuilder:
 
     def constant(self, value: float) -> int:
         """Return the same value at every sample, seen or not."""
-        return self._emit(Const(value), term=True)
+        return self.emit(Const(value), term=True)
 
     def map(self, function: str, *args: int) -> int:
         """Return the function of the operands' values now; a constant if all operands are.
@@ -142,7 +143,7 @@ class ProgramBuilder:
             if value != value:  # noqa: PLR0124 - nan
                 raise self.specification.error(self.node, f"{self.node} is not a number")
             return self.constant(value)
-        return self._emit(Map(function, args), term=self.term)
+        return self.emit(Map(function, args), term=self.term)
 
     def rate(self, x: int) -> int:
         """Return the rate of change of a variable, which readers of samples compute."""
@@ -152,7 +153,7 @@ class ProgramBuilder:
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         name = f"rate({loaded.variable})"
         self.rates[name] = loaded.variable
-        return self._emit(Load(name), term=True)
+        return self.emit(Load(name), term=True)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """Return the fold over offsets lo to hi; if both are 0, the last operand itself."""
@@ -165,10 +166,6 @@ class ProgramBuilder:
         if lo == hi == 0:
             return args[-1]
         return self.emit(Window(fold, lo, hi, args))
-
-    def emit(self, window: Window) -> int:
-        """Return the register of a window."""
-        return self._emit(window, term=False)
 
     def _guard(self, begin: int, p: int, *, endless: bool) -> int:
         """Return the condition before the window of ``until``."""

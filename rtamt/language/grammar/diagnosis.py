@@ -114,14 +114,7 @@ _COMPOSED = {
 def diagnose(
     tokens: Sequence[Token], token: Token, rule: str, expected: AbstractSet[int]
 ) -> ParseError:
-    """Return the error for a token that the grammar refuses.
-
-    Args:
-        tokens: The tokens of the text.
-        token: The refused token.
-        rule: The rule of the grammar that refuses it.
-        expected: Types of the tokens that the rule accepts.
-    """
+    """Return the error for a token that a rule refuses, with the types that it accepts there."""
     if rule in ("interval", "bound"):
         return _in_interval(token, expected)
     if rule in ("range", "limit"):

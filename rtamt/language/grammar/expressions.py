@@ -68,37 +68,24 @@ class _Frame:
 
 
 class TreeBuilder:
-    """Builds the trees of a text after the parser has checked its syntax.
-
-    Args:
-        tokens: The tokens of the text.
-        constants: Values of the names that may be bounds of intervals.
-        resolve: Returns the node of a name.
-        chains: Whether chains of ``implies``, ``until``, ``since`` and ``unless`` group to the
-            left; otherwise, they are errors.
-        traced: Whether intervals with constants become `TracedInterval`.
-
-    Attributes:
-        positions: Line and column of each node's interval, operator or name.
-        bounding: Names of constants that are bounds of intervals.
-    """
+    """Builds the trees of a text after the parser has checked its syntax."""
 
     def __init__(
         self,
         tokens: Sequence[Token],
-        constants: Mapping[str, Fraction],
-        resolve: Callable[[Token], Node],
+        constants: Mapping[str, Fraction],  # values of the names that may be bounds of intervals
+        resolve: Callable[[Token], Node],  # returns the node of a name
         *,
-        chains: bool,
-        traced: bool,
+        chains: bool,  # as for `parse_as`
+        traced: bool,  # whether intervals with constants become `TracedInterval`
     ) -> None:
         self.tokens = tokens
         self.constants = constants
         self.resolve = resolve
         self.chains = chains
         self.traced = traced
-        self.positions: dict[Node, tuple[int, int]] = {}
-        self.bounding: set[str] = set()
+        self.positions: dict[Node, tuple[int, int]] = {}  # of interval, operator or name
+        self.bounding: set[str] = set()  # names of constants that are bounds of intervals
         self._values: list[Node] = []
         self._frames: list[_Frame] = []
         self._operands = 0

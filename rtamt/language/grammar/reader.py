@@ -55,21 +55,7 @@ RangeOf = Callable[[Mapping[str, Fraction]], tuple[float, float]]
 
 
 class TextReader:
-    """Reads a text; `parse_as` has checked the arguments.
-
-    Args:
-        text: The text.
-        overrides: Exact values of constants; unknown names are ignored.
-        modules: The modules that the text may import from; None: types are only names.
-        chains: As in `parse_as`.
-        traced: Whether constants in terms become `Traced` numbers.
-        traced_bounds: Whether intervals with constants become `TracedInterval`.
-
-    Attributes:
-        constants: The exact values of the constants.
-        ranges: The ranges of the declarations, by variable.
-        ranging: The constants that are limits of ranges.
-    """
+    """Reads a text; `parse_as` describes and has checked the arguments."""
 
     def __init__(
         self,
@@ -78,8 +64,8 @@ class TextReader:
         modules: Mapping[str, object] | None = None,
         *,
         chains: bool,
-        traced: bool = False,
-        traced_bounds: bool = False,
+        traced: bool = False,  # whether constants in terms become `Traced` numbers
+        traced_bounds: bool = False,  # whether intervals with constants become `TracedInterval`
     ) -> None:
         self._statements, self._tokens = read(text)
         self._text = text
@@ -89,11 +75,11 @@ class TextReader:
         self._overrides = {name: value for name, value in overrides.items() if name in names}
         self._imports: dict[str, str] = {}
         self._types: dict[str, type] = {}
-        self.constants = dict(self._overrides)
+        self.constants = dict(self._overrides)  # exact values
         self._defined: set[str] = set()  # constants of the text itself
         self._declarations: dict[str, Declaration] = {}
-        self.ranges: dict[str, RangeOf] = {}
-        self.ranging: set[str] = set()
+        self.ranges: dict[str, RangeOf] = {}  # by variable
+        self.ranging: set[str] = set()  # constants that are limits of ranges
         self._declared: set[str] = set()  # names that declare a variable
         self._all_declared = False  # whether a variable must be declared
         self._topics: dict[str, str] = {}
