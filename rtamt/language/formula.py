@@ -7,7 +7,7 @@ Equal formulas are one object. ``str`` prints with the fewest brackets that the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief
@@ -303,10 +303,15 @@ def replaced(formula: Formula, instead: Mapping[Node, Node]) -> Formula:
     new = {**instead}
     for node in formula.nodes():
         if node not in new:
-            args = tuple(new[arg] for arg in node.args)
-            same = all(a is b for a, b in zip(args, node.args, strict=True))
-            new[node] = make(node.op.name, args, node.interval) if node.op and not same else node
+            new[node] = with_operands(node, [new[arg] for arg in node.args])
     return cast("Formula", new[formula])
+
+
+def with_operands(node: Node, args: Sequence[Node]) -> Node:
+    """Return the node with other operands; the node itself if they are its own."""
+    if node.op is None or all(a is b for a, b in zip(args, node.args, strict=True)):
+        return node
+    return make(node.op.name, tuple(args), node.interval)
 
 
 def predicates(formula: Formula) -> tuple[Formula, ...]:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
 
-from rtamt.language.formula import Formula, make
+from rtamt.language.formula import Formula, make, with_operands
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS, Bounds
 
@@ -202,21 +202,14 @@ def unanswered(formula: Formula, answered: Sequence[Formula]) -> Formula:
     for node in formula.nodes():
         signs = operand_signs(node)
         for positive in (True, False):
-            args = tuple(
+            args = [
                 changed[arg, positive == signs[i]] if i in signs else arg
                 for i, arg in enumerate(node.args)
-            )
+            ]
             if positive and node in answered:
-                args = args[0], false
-            same = node.op is None or all(a is b for a, b in zip(args, node.args, strict=True))
-            changed[node, positive] = node if same else _like(node, args)
+                args[1] = false
+            changed[node, positive] = with_operands(node, args)
     return cast("Formula", changed[formula, True])
-
-
-def _like(node: Node, args: tuple[Node, ...]) -> Node:
-    """Return the node with other operands."""
-    assert node.op is not None  # noqa: S101 - it has operands
-    return make(node.op.name, args, node.interval)
 
 
 class Reads(NamedTuple):
@@ -393,6 +386,5 @@ def with_one_body(formula: Formula, body: Formula) -> Formula:
     changed[body] = body
     for node in formula.nodes():  # operands first
         if node.op in _DIVIDES and node not in changed and all(a in changed for a in node.args):
-            args = tuple(changed[operand] for operand in node.args)
-            changed[node] = make(node.op.name, args, node.interval)
+            changed[node] = with_operands(node, [changed[operand] for operand in node.args])
     return cast("Formula", changed[formula])
