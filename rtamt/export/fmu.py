@@ -299,7 +299,7 @@ def export_fmu(
     align: Align | None = None,
     resolution: Period = "1ns",
 ) -> None:
-    """Write a functional mock-up unit (FMU) that monitors a specification in another tool.
+    """Write a functional mock-up unit (FMU), as `Specification.export_fmu`.
 
     The unit is for co-simulation and needs no Python: it contains the C++ machines. Its inputs are
     the variables of the specification, its parameters the constants. After each step the outputs
@@ -324,35 +324,12 @@ def export_fmu(
     The unit has the library for the platform of the export, Linux on x86-64. The same arguments
     give the same bytes.
 
-    Args:
-        spec: Text, a formula, or a parsed specification; its result is monitored.
-        path: The file to write; its name ends in ``.fmu``.
-        period: Seconds between samples, as a number or as text (``"100ms"``).
-        dense: Whether to monitor over dense time, without a period.
-        fmi: The version of FMI, 2 or 3.
-        stop_on_violation: The start value of the parameter of this name, which makes the monitor
-            end the simulation after the step that turns the verdict to -1.
-        semantics: As for `Monitor`.
-        inputs: As for `Monitor`.
-        outputs: As for `Monitor`.
-        align: As for `Monitor`; not over dense time.
-        resolution: As for `rtamt.dense.Monitor`.
-
-    Raises:
-        SpecificationError: As for `EpisodeMonitor` and `rtamt.dense.EpisodeMonitor`, or for a name
-            that the monitor itself uses, such as ``lower``.
-        InputError: If an argument has a wrong value, the path does not end in ``.fmu``, both
-            ``period`` and ``dense`` are missing, or this platform has no library.
-        OSError: If the file cannot be written.
-
     Example:
         >>> import pathlib, tempfile, zipfile
         >>> path = pathlib.Path(tempfile.mkdtemp(), "monitor.fmu")
         >>> export_fmu("const float limit = 5; always(speed < limit)", path, period="100ms")
         >>> zipfile.ZipFile(path).namelist()  # doctest: +NORMALIZE_WHITESPACE
         ['modelDescription.xml', 'binaries/linux64/rtamt_monitor.so', 'resources/program.rtamt']
-
-    Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
     """
     if fmi not in {2, 3}:
         raise InputError(f"expected fmi=2 or fmi=3, got {brief(fmi)}")
