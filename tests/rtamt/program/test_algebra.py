@@ -64,26 +64,6 @@ def test_duals_and_mirrors_of_the_table() -> None:
     assert all(name == fold.name for name, fold in FOLDS.items())
 
 
-@pytest.mark.parametrize("name", FOLDS)
-def test_a_fold_chooses_among_the_numbers_of_its_elements(name: str) -> None:
-    fold = FOLDS[name]
-    for numbers in itertools.product(NUMBERS, repeat=2 * fold.width):
-        x, y = numbers[: fold.width], numbers[fold.width :]
-        assert set(map(str, fold.combine(x, y))) <= set(map(str, numbers))
-        assert str(fold.combine(x, x)) == str(x)
-
-
-@pytest.mark.parametrize("name", FOLDS)
-def test_the_dual_is_the_fold_of_the_negated_and_the_mirror_that_of_the_reversed(name: str) -> None:
-    fold = FOLDS[name]
-    for numbers in itertools.product(NUMBERS, repeat=2 * fold.width):
-        x, y = numbers[: fold.width], numbers[fold.width :]
-        made = fold.combine(x, y)
-        negated = FOLDS[fold.dual].combine(tuple(-v for v in x), tuple(-v for v in y))
-        assert str(tuple(-v for v in negated)) == str(made)
-        assert str(FOLDS[fold.mirror].combine(y, x)) == str(made)
-
-
 @pytest.mark.parametrize(
     ("name", "combine", "identity", "reason"),
     [
