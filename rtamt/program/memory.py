@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from typing import assert_never, cast
+from typing import cast
 
 import numpy as np
 
 from rtamt import limits
 from rtamt.errors import InputError, brief
 from rtamt.program.algebra import FOLDS
-from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.instructions import Const, Load, Window
 from rtamt.program.placement import Placement, place
 from rtamt.program.program import Delay, Program, schedule
 
@@ -21,7 +21,7 @@ _WORLDS = 3
 
 def limit_discrete(program: Program, entries: int = 1) -> None:
     """Refuse a program whose windows and delays, in all entries, exceed `limits.window_bytes`."""
-    _limit(program, _discrete_needs(program), entries, _where(entries))
+    _limit(program, discrete_numbers(program), entries, _where(entries))
 
 
 def limit_episode(program: Program, entries: int = 1, *, unknown: bool = False) -> None:
@@ -59,20 +59,15 @@ def _most_beyond(program: Program) -> int:
     return _beyond(program, 0)
 
 
-def discrete_numbers(program: Program) -> Counter[int]:
-    """Count the doubles that each register keeps while the program runs sample by sample."""
-    numbers = Counter[int]()
-    for slot, scheduled in schedule(program):
-        match scheduled:
-            case Delay(length, operand):
-                numbers[operand] += length
-            case Window(fold):
-                length = scheduled.length or 0
-                numbers[slot] += length * FOLDS[fold].width if length > 1 else 0
-            case Map():
-                pass
-            case _ as never:
-                assert_never(never)
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def discrete_numbers(program: Program) -> int:
+    """Count the doubles that a program keeps while it runs sample by sample."""
+    numbers = 0
+    for _, scheduled in schedule(program):
+        if isinstance(scheduled, Delay):
+            numbers += scheduled.length
+        elif isinstance(scheduled, Window) and (scheduled.length or 0) > 1:
+            numbers += (scheduled.length or 0) * FOLDS[scheduled.fold].width
     return numbers
 
 
@@ -111,11 +106,6 @@ def episode_numbers(placement: Placement) -> Counter[int]:
             for r in placement.streams
         }
     )
-
-
-@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
-def _discrete_needs(program: Program) -> int:
-    return discrete_numbers(program).total()
 
 
 @functools.lru_cache(maxsize=512)
