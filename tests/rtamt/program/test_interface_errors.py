@@ -1,9 +1,8 @@
-"""Signatures: names of fields, what the text declares, and what is refused, in exact words."""
+"""Signatures: names of fields, and what the text declares; errors.txt has the errors."""
 
 from __future__ import annotations
 
 import math
-import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +12,6 @@ import rtamt
 from rtamt import (
     EpisodeMonitor,
     InputError,
-    InputTypeError,
     Monitor,
     RtamtError,
     VectorEpisodeMonitor,
@@ -24,105 +22,26 @@ from rtamt.program.interface import STANDARD, Interface, as_interface
 
 PLAIN = "always(req >= 3 implies gnt >= 3)"
 DECLARED = f"input float req; output float gnt; {PLAIN}"
-FORMULA = "output float out; input float x; out = x > 0"
-CHOICES = (
-    "'standard', 'boolean', 'output-robustness', 'input-vacuity', 'input-robustness' or "
-    "'output-vacuity'"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"semantics": "input-vacuity"}, {"outputs": "gnt"}, {"inputs": ["gnt"], "outputs": ["gnt"]}],
 )
-
-REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
-    (
-        PLAIN,
-        {"semantics": "output_robustness"},
-        InputError,
-        f"expected semantics={CHOICES}, got 'output_robustness'; did you mean 'output-robustness'?",
-    ),
-    (PLAIN, {"semantics": None}, InputError, f"expected semantics={CHOICES}, got None"),
-    (
-        PLAIN,
-        {"semantics": "input-vacuity"},
-        InputError,
-        (
-            "semantics='input-vacuity' needs input variables, and none are declared; declare them "
-            "in the text (input float req) or name them: inputs=('req',)"
-        ),
-    ),
-    (
-        FORMULA,
-        {"semantics": "output-vacuity"},
-        InputError,
-        (
-            "semantics='output-vacuity' needs output variables, and none are declared; declare "
-            "them in the text (output float x) or name them: outputs=('x',)"
-        ),
-    ),
-    (
-        PLAIN,
-        {"outputs": ["gtn"]},
-        InputError,
-        "'gtn' in outputs is no variable; did you mean 'gnt'?",
-    ),
-    (
-        PLAIN,
-        {"inputs": ["speed"]},
-        InputError,
-        "'speed' in inputs is no variable; the variables are req, gnt",
-    ),
-    ("true", {"inputs": ["x"]}, InputError, "'x' in inputs is no variable; the formula has no "),
-    (
-        FORMULA,
-        {"outputs": ["out"]},
-        InputError,
-        "'out' in outputs names a formula, not a variable; the variables are x",
-    ),
-    (
-        PLAIN,
-        {"inputs": ["req"], "outputs": ["gnt", "req"]},
-        InputError,
-        "'req' is in inputs= and in outputs=",
-    ),
-    (
-        DECLARED,
-        {"inputs": ["gnt"]},
-        InputError,
-        "'gnt' is in inputs= and declared output in the text; give outputs= as well",
-    ),
-    (
-        DECLARED,
-        {"outputs": ["req"]},
-        InputError,
-        "'req' is in outputs= and declared input in the text; give inputs= as well",
-    ),
-    (
-        PLAIN,
-        {"outputs": "gnt"},
-        InputTypeError,
-        "expected names of variables as outputs, got 'gnt'; write outputs=('gnt',)",
-    ),
-    (PLAIN, {"inputs": 5}, InputTypeError, "expected names of variables as inputs, got 5"),
-    (
-        PLAIN,
-        {"inputs": ["req", 5]},
-        InputTypeError,
-        "expected names of variables as inputs, got 5 among them",
-    ),
-]
-
-
-@pytest.mark.parametrize(("text", "arguments", "error", "message"), REFUSED)
-def test_a_signature_that_makes_no_sense_is_refused(
-    text: str, arguments: dict[str, Any], error: type[RtamtError], message: str
-) -> None:
+def test_all_monitors_refuse_a_wrong_interface_alike(arguments: dict[str, Any]) -> None:
     makers = (
-        lambda: Monitor(text, **arguments),
-        lambda: EpisodeMonitor(text, **arguments),
-        lambda: VectorMonitor(text, 2, **arguments),
-        lambda: VectorEpisodeMonitor(text, 2, **arguments),
-        lambda: evaluate(text, {"req": [1], "gnt": [1], "x": [1]}, **arguments),
+        lambda: Monitor(PLAIN, **arguments),
+        lambda: EpisodeMonitor(PLAIN, **arguments),
+        lambda: VectorMonitor(PLAIN, 2, **arguments),
+        lambda: VectorEpisodeMonitor(PLAIN, 2, **arguments),
+        lambda: evaluate(PLAIN, {"req": [1], "gnt": [1]}, **arguments),
     )
+    messages = set()
     for make in makers:
-        with pytest.raises(error, match=rf"^{re.escape(message)}"):
+        with pytest.raises(RtamtError) as caught:
             make()
+        messages.add(str(caught.value))
+    assert len(messages) == 1
 
 
 def test_the_signature_is_that_of_the_text_unless_it_is_given() -> None:
