@@ -1,7 +1,11 @@
-"""The model description of an exported monitor."""
+"""The model description of an exported monitor, and refused exports."""
 
+from __future__ import annotations
+
+import platform
 import re
 import zipfile
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +18,8 @@ from hypothesis import strategies as st
 from profiles import examples
 
 import rtamt
-from rtamt import SpecificationError
+from rtamt import InputError, RtamtError, SpecificationError
+from rtamt.export import fmu
 from rtamt.export.fmu import Fmi, export_fmu
 
 TEXT = """
@@ -198,3 +203,36 @@ def test_a_constant_in_a_bound_is_fixed_in_terms_too(tmp_path: Path) -> None:
     ]
     program = zipfile.ZipFile(path).read("resources/program.rtamt").decode()
     assert "CONST - 0 0 2.0" in program
+
+
+TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
+
+
+def test_a_refused_export_writes_no_file(tmp_path: Path) -> None:
+    for text, name in (("lower = x > 0; always(lower)", "x.fmu"), (TIMED, "x.txt"), (TIMED, "fmu")):
+        with pytest.raises(RtamtError):
+            export_fmu(text, tmp_path / name, period=1)
+    assert list(tmp_path.iterdir()) == []
+    export_fmu(TIMED, tmp_path / "M.FMU", period=1)
+
+
+def test_without_the_library_nothing_is_exported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = ModuleSpec("rtamt._native", None, origin=str(tmp_path / "_native.so"))
+    monkeypatch.setattr(fmu, "find_spec", lambda _: elsewhere)
+    with pytest.raises(InputError) as raised:
+        export_fmu(TIMED, tmp_path / "monitor.fmu", period=1)
+    assert str(raised.value) == (
+        "the FMU library rtamt_monitor.so was not built; reinstall rtamt with a C++20 compiler"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_platform_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    with pytest.raises(InputError) as raised:
+        export_fmu(TIMED, tmp_path / "monitor.fmu", period=1)
+    assert str(raised.value) == (
+        "there is no FMU library for this platform, linux riscv64; export on linux x86_64"
+    )

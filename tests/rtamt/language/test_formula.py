@@ -204,6 +204,15 @@ def bad(example: object) -> Any:  # noqa: ANN401 - what the checker would refuse
         ),
         (lambda: p.always(0, math.nan), "expected a finite number for the end of an interval"),
         (lambda: p.always(0, Fraction(1, 3)), "expected a decimal number, got 1/3"),
+        (
+            lambda: conjunction([bad("x > 0")]),
+            "expected a formula as operand of 'and', got str 'x > 0'",
+        ),
+        (lambda: variable(bad(3)), "expected the name of a variable as text, got int 3"),
+        (
+            lambda: p.always(0, "abc"),
+            "expected a finite number for the end of an interval, got 'abc'",
+        ),
         (lambda: p.always(0, bad([])), "expected a number for the end of an interval, got list []"),
     ],
 )
@@ -231,15 +240,3 @@ def test_specification_text_reads_back(
     assert again.horizon == spec.horizon
     assert str(again) == str(spec)
     assert pickle.loads(pickle.dumps(spec)) == spec
-
-
-def test_wrong_operands_error() -> None:
-    with pytest.raises(rtamt.SpecificationError) as caught:
-        rtamt.conjunction(["x > 0"])  # type: ignore[list-item]
-    assert str(caught.value) == "expected a formula as operand of 'and', got str 'x > 0'"
-    with pytest.raises(rtamt.InputTypeError) as unnamed:
-        rtamt.variable(3)  # type: ignore[arg-type]
-    assert str(unnamed.value) == "expected the name of a variable as text, got int 3"
-    with pytest.raises(rtamt.SpecificationError) as unbounded:
-        (rtamt.variable("x") > 0).always(0, "abc")
-    assert str(unbounded.value) == "expected a finite number for the end of an interval, got 'abc'"

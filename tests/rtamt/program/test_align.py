@@ -221,18 +221,6 @@ def test_one_specification_is_compiled_for_each_way() -> None:
         rtamt.Monitor(spec, 0.1)
 
 
-def test_an_empty_window_is_refused() -> None:
-    with pytest.raises(SpecificationError) as caught:
-        rtamt.Monitor("always[0.11:0.19](x > 0)", 0.1, align="inward")
-    assert str(caught.value) == (
-        "STL:1:7: align='inward' leaves no sample of [0.11:0.19]: none lies in it\n"
-        "  always[0.11:0.19](x > 0)\n"
-        "        ^\n"
-        "  hint: write a wider interval, take samples closer together, or use align='outward' "
-        "or 'nearest'"
-    )
-
-
 @ways
 def test_a_unit_needs_a_period_all_the_same(align: Align) -> None:
     with pytest.raises(SpecificationError, match="has a unit, but no period is known"):
