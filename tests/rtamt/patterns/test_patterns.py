@@ -240,39 +240,6 @@ def test_operands_are_formulas_terms_or_their_texts() -> None:
     assert patterns.settling_time(x, goal, 0.1, 2) is patterns.settling_time("x", "goal", 0.1, "2")
 
 
-ERRORS: dict[str, Callable[[], object]] = {
-    "expected a formula or its text for p, got int 3": lambda: patterns.never(3),  # type: ignore[arg-type]
-    "expected a term or its text for x, got int 3": lambda: patterns.overshoot(3, 1, 1),  # type: ignore[arg-type]
-    "expected a term for x, got the formula x > 1": lambda: patterns.overshoot("x > 1", 1, 1),
-    "expected a number of at least 0.0 for most, got -1.0": lambda: patterns.rate_limit("x", -1),
-    "expected a finite number in a term, got nan; write true or false for +-inf": (
-        lambda: patterns.rate_limit("x", float("nan"))
-    ),
-    "expected a time above 0 for within, got 0": lambda: patterns.recurrence("x", 0),
-    "expected a time above 0 for hold, got inf": lambda: patterns.success("x", float("inf")),
-    "expected a time for within, got None": lambda: patterns.recurrence("x", None),  # type: ignore[arg-type]
-    "expected a bound of at least 0, got -1": lambda: patterns.response("x", "y", -1),
-    "expected a unit (s, ms, us, ns, ps, min, h), got 'd'": lambda: patterns.success("x", "1d"),
-    "expected least= below or equal to most=, got 3 and 1": (
-        lambda: patterns.within_limits("x", 3, 1)
-    ),
-    "expected low= to be below high=, got 1 and 1": lambda: patterns.rise_time("x", 1, 1, 1),
-    "expected at least two stages, each an argument, got 1": (
-        lambda: patterns.in_order(["x", "y"])  # type: ignore[arg-type]
-    ),
-    "expected a number, a term or its text for least, got NoneType None": (
-        lambda: patterns.within_limits("x", None, 3)  # type: ignore[arg-type]
-    ),
-}
-
-
-@pytest.mark.parametrize("message", ERRORS)
-def test_wrong_arguments_are_named(message: str) -> None:
-    with pytest.raises(rtamt.RtamtError) as caught:
-        ERRORS[message]()
-    assert str(caught.value) == message
-
-
 PAGE = (ROOT / "docs" / "patterns.md").read_text(encoding="utf-8")
 
 
