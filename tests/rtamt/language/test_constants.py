@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import Formula, InputTypeError, ParseError, SpecificationError, parse, variable
+from rtamt import Formula, ParseError, SpecificationError, parse, variable
 from rtamt.language.parser import as_specification, traced
 from rtamt.program.instructions import Const
 from rtamt.program.lowering import compile_program
@@ -61,11 +61,6 @@ def test_a_value_is_checked_as_if_the_text_had_it() -> None:
         rtamt.parse(TEXT, constants={"T": -1})
     with pytest.raises(ParseError, match="'T' is already declared"):
         rtamt.parse("const float T = 3\nconst float T = 4\nx > T", constants={"T": 1})
-
-
-def test_constant_name_type_error() -> None:
-    with pytest.raises(InputTypeError, match=r"^expected names of constants as text, got int 1$"):
-        rtamt.parse(TEXT, constants={1: 2})  # type: ignore[dict-item]
 
 
 TRACED = (

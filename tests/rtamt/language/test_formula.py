@@ -17,7 +17,7 @@ from strategies import formulas
 
 import rtamt
 from rtamt import Formula, Interval, Term, conjunction, disjunction, number, variable
-from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.errors import SpecificationError
 from rtamt.language.formula import make
 from rtamt.language.interval import UNITS, exact
 from rtamt.language.node import MAX_DEPTH, MAX_SIZE
@@ -180,46 +180,17 @@ def bad(example: object) -> Any:  # noqa: ANN401 - what the checker would refuse
 @pytest.mark.parametrize(
     ("make_it", "message"),
     [
-        (lambda: variable("a b"), "expected a name of letters, digits, '_' and dots, got 'a b'"),
-        (lambda: variable("G"), "'G' is the operator 'always' and cannot name a variable"),
-        (lambda: variable("a."), "expected a name of letters, digits, '_' and dots, got 'a.'"),
-        (
-            lambda: variable("größe"),
-            "expected a name of letters, digits, '_' and dots, got 'größe'",
-        ),
-        (lambda: x > math.inf, "expected a finite number in a term, got inf; write true or false"),
-        (lambda: x > bad("3"), "expected a real number, got str '3'"),
-        (lambda: x > bad(3j), "expected a real number, got complex 3j"),
-        (lambda: bool(p), "a formula has no truth value; use & | ~ instead of and, or, not"),
-        (lambda: p & bad(3), "expected a formula as operand of 'and', got int 3"),
-        (lambda: bad(p) + 1, None),
+        (lambda: bad(p) + 1, "unsupported operand type"),
         (lambda: make("+", (x, p)), "expected a term as operand of '+', got the formula x > 0"),
         (lambda: make("abs", (x, y)), "expected 1 operand for 'abs', got 2"),
         (lambda: make("not", (p,), Interval.of(0, 1)), "'not' takes no interval, got [0:1]"),
-        (lambda: p.always(2, 1), "expected a bound of at least 2, got 1"),
-        (lambda: p.always(-1, 1), "expected a bound of at least 0, got -1"),
-        (
-            lambda: p.always(0, "5 d"),
-            "expected a unit (s, ms, us, ns, ps, min, h), got 'd'",
-        ),
-        (lambda: p.always(0, math.nan), "expected a finite number for the end of an interval"),
         (lambda: p.always(0, Fraction(1, 3)), "expected a decimal number, got 1/3"),
-        (
-            lambda: conjunction([bad("x > 0")]),
-            "expected a formula as operand of 'and', got str 'x > 0'",
-        ),
-        (lambda: variable(bad(3)), "expected the name of a variable as text, got int 3"),
-        (
-            lambda: p.always(0, "abc"),
-            "expected a finite number for the end of an interval, got 'abc'",
-        ),
-        (lambda: p.always(0, bad([])), "expected a number for the end of an interval, got list []"),
     ],
 )
-def test_what_is_no_formula_is_refused_when_it_is_made(make_it: Any, message: str | None) -> None:  # noqa: ANN401
-    with pytest.raises((SpecificationError, InputTypeError, TypeError)) as caught:
+def test_what_is_no_formula_is_refused_when_it_is_made(make_it: Any, message: str) -> None:  # noqa: ANN401
+    with pytest.raises((SpecificationError, TypeError)) as caught:
         make_it()
-    assert message is None or str(caught.value).startswith(message)
+    assert str(caught.value).startswith(message)
 
 
 @given(st.lists(st.tuples(st.booleans(), decorated()), min_size=1, max_size=4), st.booleans())

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt.errors import InputTypeError, ParseError, SpecificationError
+from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.node import MAX_DEPTH
 from rtamt.language.operators import OPERATORS
 
@@ -153,16 +153,3 @@ def test_tracebacks_do_not_show_the_inside_of_the_parser() -> None:
         rtamt.parse("(" * 150 + "x y" + ")" * 150)
     assert len(traceback.extract_tb(caught.value.__traceback__)) < 10
     assert caught.value.__suppress_context__
-
-
-def test_arguments_are_checked() -> None:
-    with pytest.raises(InputTypeError, match="expected the text of a specification, got int 3"):
-        rtamt.parse(3)  # type: ignore[arg-type]
-    with pytest.raises(SpecificationError, match=r"expected a unit \(s, ms, us, ns, ps"):
-        rtamt.parse("x", unit="day")
-    with pytest.raises(SpecificationError, match="'G' is the operator 'always'"):
-        rtamt.parse("x", constants={"G": 3})
-    with pytest.raises(InputTypeError, match="expected a number for the constant 'K', got list"):
-        rtamt.parse("x", constants={"K": []})  # type: ignore[dict-item]
-    with pytest.raises(ParseError, match="'K' is already passed as a constant"):
-        rtamt.parse("float K\nx > K", constants={"K": 4})
