@@ -25,7 +25,7 @@ from rtamt.language.interval import UNITS, decimal_text
 from rtamt.language.operators import OPERATORS
 
 if TYPE_CHECKING:  # it loads the parser
-    from rtamt.mutation.mutants import Bound, Change, RequirementText
+    from rtamt.mutation.requirement_text import Bound, Change, RequirementText
 
 Changes = Callable[["RequirementText"], Iterator["Change"]]
 
