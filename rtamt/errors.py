@@ -4,7 +4,7 @@ To add an error message:
 
 - State the wrong value, the expected value and the fix. ``tests/rtamt/language/parse_errors.txt``
   lists the exact texts of the language, ``tests/rtamt/program/errors.txt`` the texts for periods,
-  bounds, interfaces, exports, patterns and formulas, three in ``tests/rtamt/monitors`` the texts for
+  bounds, interfaces, exports, patterns and formulas, three in ``tests/rtamt/monitors`` those for
   arguments. Other tests assert the class and one key word, so that words can change.
 - Pass an argument as a piece, ``InputError("give ", Argument("period"))``: a Python caller reads
   ``period=``, and a command shows its own option. Use `Advice` for a part that only helps callers
