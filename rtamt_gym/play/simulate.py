@@ -34,7 +34,7 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.play.simulation import BoundSystem, Recorder, Simulation
 from rtamt_gym.signals.periods import warn_of_unverified_period, why_no_period
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.systems.adapters import as_system, driven, refuse_seed
+from rtamt_gym.systems.adapters import as_system, driven
 from rtamt_gym.systems.environment import Environment, with_own_monitor
 from rtamt_gym.systems.system import Policy, System, no_exit, step_limit
 from rtamt_gym.wrappers.monitor import monitor_of
@@ -245,7 +245,9 @@ class Simulator:
                 system = cast("Environment", bound.system).again(acting, seed)
                 bound = bound._replace(system=system)
         else:
-            refuse_seed(seed, self._given)
+            if seed is not None:
+                got = Argument("seed", seed), f" for {self._given!r}"
+                raise InputError(Argument("seed"), " is for environments, got ", *got)
             if case is not None:  # also an empty one: a MuJoCo model starts again as a copy
                 bound = self._bind(driven(plain, case))
         case = self._case if case is None else case

@@ -115,17 +115,6 @@ def driven(system: System, case: Case) -> System:
     return system.driven(case)
 
 
-def refuse_seed(seed: int | None, system: object) -> None:
-    """Raise InputError if the caller passes a seed for a system without seeds."""
-    if seed is not None:
-        raise InputError(
-            Argument("seed"),
-            " is for environments, got ",
-            Argument("seed", seed),
-            f" for {system!r}",
-        )
-
-
 class SampleSource(System):
     """A function of time, a generator function, or an iterable that returns samples."""
 

@@ -13,26 +13,23 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 
-_TYPES: Final[Mapping[str, tuple[str, type[Any]]]] = {
-    "Real": ("Real", ctypes.c_double),
-    "Integer": ("Integer", ctypes.c_int),
-    "Enumeration": ("Integer", ctypes.c_int),
-    "Boolean": ("Boolean", ctypes.c_int),
+TYPES: Final[Mapping[int, Mapping[str, tuple[str, type[Any]]]]] = {
+    2: {
+        "Real": ("Real", ctypes.c_double),
+        "Integer": ("Integer", ctypes.c_int),
+        "Enumeration": ("Integer", ctypes.c_int),
+        "Boolean": ("Boolean", ctypes.c_int),
+    },
+    3: {
+        "Float32": ("Float32", ctypes.c_float),
+        "Float64": ("Float64", ctypes.c_double),
+        "Boolean": ("Boolean", ctypes.c_bool),
+        "Enumeration": ("Int64", ctypes.c_int64),
+        **{f"Int{n}": (f"Int{n}", getattr(ctypes, f"c_int{n}")) for n in (8, 16, 32, 64)},
+        **{f"UInt{n}": (f"UInt{n}", getattr(ctypes, f"c_uint{n}")) for n in (8, 16, 32, 64)},
+    },
 }
-"""FMI 2.0: the word in the names of functions, and the C type, by type."""
-
-_TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
-    "Float32": ("Float32", ctypes.c_float),
-    "Float64": ("Float64", ctypes.c_double),
-    "Boolean": ("Boolean", ctypes.c_bool),
-    "Enumeration": ("Int64", ctypes.c_int64),
-    **{f"Int{n}": (f"Int{n}", getattr(ctypes, f"c_int{n}")) for n in (8, 16, 32, 64)},
-    **{f"UInt{n}": (f"UInt{n}", getattr(ctypes, f"c_uint{n}")) for n in (8, 16, 32, 64)},
-}
-"""FMI 3.0: the word in the names of functions, and the C type, by type."""
-
-TYPES: Final = {2: _TYPES, 3: _TYPES_3}
-"""The types by the version of FMI."""
+"""The word in the names of functions, and the C type, by version of FMI and type."""
 
 _ELEMENT = re.compile(r"(.+?)((?:\[-?\d+\])+)")
 """The name of an element of an array: ``row[2]``, ``grid[0][1]``."""
@@ -149,7 +146,7 @@ def kind_of(variable: Any) -> type[float | int] | None:  # noqa: ANN401 - FMPy i
     """Return the type of a variable's value: float, int, or None if it is not a number."""
     if variable.type in {"Real", "Float32", "Float64"}:
         return float
-    return int if variable.type in _TYPES or variable.type in _TYPES_3 else None
+    return int if any(variable.type in types for types in TYPES.values()) else None
 
 
 def size_of(variable: Any) -> int:  # noqa: ANN401
