@@ -15,7 +15,7 @@ from rtamt_arrays.layout import BoundsReading, EpisodeState
 from rtamt_arrays.online import OnlineMonitor, OnlineReading, OnlineState
 from rtamt_arrays.operations import Operations, Tensor
 from rtamt_gym.judging.costs import Cost, Demand, keyed_costs, measured_demands, step_costs
-from rtamt_gym.judging.monitors import MonitorValues, make_monitors, options_of_parts
+from rtamt_gym.judging.monitors import MonitorValues, make_monitors, monitors_of_parts
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 NamedSample = Mapping[str, Tensor]
@@ -122,10 +122,13 @@ class ArrayCosts:
         self._o = library.operations
         self._demands = [] if kind is None else measured_demands(kind, specs, evaluation)
         parts = [demand.spec for demand in self._demands]
-        self._monitors = [
-            library.online(part, option["period"], align=option["align"])
-            for part, option in zip(parts, options_of_parts(specs, parts, evaluation), strict=True)
-        ]
+
+        def online(
+            spec: Specification, *, period: Period | None, align: Align | None, **_: object
+        ) -> OnlineMonitor:
+            return library.online(spec, period, align=align)
+
+        self._monitors = monitors_of_parts(specs, parts, evaluation, online)
         self.keys = frozenset[str]()
         if kind is not None:
             self.keys = frozenset(keyed_costs(self._names, [0.0] * (len(self._names) + 1)))

@@ -30,7 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import InputError, Monitor, Specification, SpecificationError, VectorMonitor
 from rtamt_gym.judging.formulas import operands, operator_of
-from rtamt_gym.judging.monitors import EXACT, bare, options_of_parts
+from rtamt_gym.judging.monitors import EXACT, bare, columns_of, monitors_of_parts, update_of
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.shaping import library_of
 from rtamt_gym.tables import shorten
@@ -123,18 +123,7 @@ def _instants(spec: Specification, reading: EvaluationOptions) -> tuple[int, int
 
 
 class _Costs(Generic[_M]):
-    """The demands of specifications, each with its monitor.
-
-    Args:
-        kind: The kind of cost.
-        specs: Specifications by name.
-        reading: The evaluation options.
-        make: Makes the monitor of a demand.
-
-    Raises:
-        SpecificationError: As `demands_of` does.
-        InputError: If the semantics has no depth to measure.
-    """
+    """The demands of specifications, each with its monitor."""
 
     def __init__(
         self,
@@ -146,11 +135,8 @@ class _Costs(Generic[_M]):
         self._kind, self._names = kind, list(specs)
         self._exact = reading.semantics in EXACT
         self._demands = measured_demands(kind, specs, reading)
-        options = options_of_parts(specs, [demand.spec for demand in self._demands], reading)
-        self._monitors: list[_M] = [
-            make(demand.spec, **option)
-            for demand, option in zip(self._demands, options, strict=True)
-        ]
+        parts = [demand.spec for demand in self._demands]
+        self._monitors: list[_M] = monitors_of_parts(specs, parts, reading, make)
 
 
 class CostMeter(_Costs[Monitor]):
@@ -174,21 +160,17 @@ class CostMeter(_Costs[Monitor]):
         self._worst = [0.0] * len(self._names)
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None] | None:
-        """Return the function that measures a sample; None if verdicts determine the cost.
-
-        Args:
-            names: The signals, in the order of the values that the function takes.
-        """
+        """Return the function that measures a sample; None if verdicts determine the cost."""
         if not self._demands:
             return None
         parts = [
-            (demand, monitor, [names.index(variable) for variable in monitor.variables])
+            (demand, monitor, update_of(monitor, names))
             for demand, monitor in zip(self._demands, self._monitors, strict=True)
         ]
 
         def feed(values: Sequence[float]) -> None:
-            for demand, monitor, places in parts:
-                value = monitor.update(*[values[position] for position in places])
+            for demand, monitor, update in parts:
+                value = update(values)
                 instant = monitor.samples - 1 - monitor.latency
                 if instant < demand.first or (demand.last is not None and instant > demand.last):
                     continue
@@ -199,11 +181,7 @@ class CostMeter(_Costs[Monitor]):
         return feed
 
     def take(self, violated: Sequence[bool]) -> dict[str, np.float64]:
-        """Return the costs of the step, as keys of ``info``, and start the next.
-
-        Args:
-            violated: Whether each specification is violated, at the end of the episode too.
-        """
+        """Return the costs of the step, as keys of ``info``, and start the next step."""
         costs = step_costs(self._kind, self._worst, violated, self._charged)
         self._charged = violated
         self.begin()
@@ -221,10 +199,8 @@ class VectorCostMeter(_Costs[VectorMonitor]):
         reading: EvaluationOptions,
         columns: Sequence[str],
     ) -> None:
-        super().__init__(
-            kind, specs, reading, lambda spec, **option: VectorMonitor(spec, num, **option)
-        )
-        self._picks = [[columns.index(v) for v in m.variables] for m in self._monitors]
+        super().__init__(kind, specs, reading, partial(VectorMonitor, num=num))
+        self._picks = [columns_of(monitor, columns) for monitor in self._monitors]
         self._worst = np.zeros((len(specs), num))
         self._charged = np.zeros((len(specs), num), np.bool_)
 
@@ -251,12 +227,7 @@ class VectorCostMeter(_Costs[VectorMonitor]):
             np.maximum(row, cost, out=row, where=charged)
 
     def take(self, violated: NDArray[np.bool_], stepped: Entries | None) -> dict[str, Floats]:
-        """Return the costs of a step, an array for each key, as `CostMeter.take` names them.
-
-        Args:
-            violated: Whether specifications are violated, shape (specifications, environments).
-            stepped: The environments that made a step; None: all.
-        """
+        """Return the costs of a step of the environments ``stepped``, an array for each key."""
         costs = step_costs(self._kind, self._worst.copy(), violated, self._charged)
         self._charged = violated.copy() if stepped is None else violated & stepped
         return keyed_costs(self._names, costs)

@@ -27,7 +27,7 @@ from rtamt_gym.judging.monitors import (
     require_known,
 )
 from rtamt_gym.judging.obligations import Obligation, SingleObligations
-from rtamt_gym.judging.stages import StageProgress
+from rtamt_gym.judging.stages import StageProgress, stage_progress
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import ElementRead, MovingRead, Read, SlotRead
@@ -57,13 +57,10 @@ _Pick = Callable[[Sequence[float]], tuple[float, ...]]
 class MonitorSet:
     """The monitors of several specifications, updated together, and their decided verdicts.
 
-    `rtamt_gym.judging.vector_monitor_set.VectorMonitorSet` does the same for a batch.
-
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
         variables: The variables of each specification.
-        of_instant: True if the robustness is the robustness of an instant, with ``view="step"``;
-            otherwise None.
+        of_instant: True if the robustness is the robustness of an instant; otherwise None.
         settled: The number of decided verdicts.
         number: The class of the numbers of an `Assessment`.
         violated_by: The specification that was violated first, or None.
@@ -100,7 +97,7 @@ class MonitorSet:
             of_instants=partial(InstantMonitor, history=history),
         )
         self.variables = {name: spec.variables for name, spec in specs.items()}
-        self._specs = specs
+        self._specs, self._reading = specs, reading
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
         self.period_number = None if self.period is None else np.float64(self.period)
@@ -109,8 +106,7 @@ class MonitorSet:
         self._meter = cost and CostMeter(cost, specs, reading)
         self._owing: SingleObligations | None = None
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
-        self._stages = StageProgress(specs, judges, reading) or None
-        self._reading = reading
+        self._stages = stage_progress(specs, judges, reading)
         self._settled: dict[str, int] = {}  # the sample that decided; the last if only the end did
         self._ended: frozenset[str] = frozenset()  # the specifications that only the end decided
         self._failed: frozenset[str] = frozenset()  # what `finish("failure")` violated
@@ -132,17 +128,23 @@ class MonitorSet:
         """Whether it tracks pending obligations."""
         return self._owing is not None
 
+    @property
+    def _measures(self) -> list[SingleObligations | CostMeter | StageProgress]:
+        """What takes every sample in addition to the monitors."""
+        measures = [self._owing, self._meter, *self._stages.values()]
+        return [measure for measure in measures if measure is not None]
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples; None if bounds count samples."""
+        return self._judges[0].period
+
     @cached_property
     def _described(self) -> dict[str, str]:
         return {
             name: described(spec, judge)
             for (name, spec), judge in zip(self._specs.items(), self._judges, strict=True)
         }
-
-    @property
-    def period(self) -> Fraction | None:
-        """Seconds between samples; None if bounds count samples."""
-        return self._judges[0].period
 
     @property
     def samples(self) -> int:
@@ -157,12 +159,12 @@ class MonitorSet:
     @property
     def progress(self) -> dict[str, float]:
         """The progress of each requirement in stages, by its name."""
-        return {} if self._stages is None else self._stages.values
+        return {name: part.progress for name, part in self._stages.items()}
 
     @property
     def least_progress(self) -> np.float64 | None:
         """The minimum progress over the requirements in stages; None without stages."""
-        return None if self._stages is None else np.float64(self._stages.least)
+        return np.float64(min(self.progress.values())) if self._stages else None
 
     @property
     def tells_more(self) -> bool:
@@ -255,7 +257,7 @@ class MonitorSet:
             decide: Called after a sample that decides a verdict, instead of `note`.
             keep: Called with the values of every sample after all monitors took it, in a new list.
         """
-        note, see = decide or self.note, together(self._measure(names), keep)
+        note, see = decide or self.note, together(*self._measuring(names), keep)
         joint = None if reads is None else self._joint(names, reads, note, see)
         if reads is None or joint is None:
             return self._one_by_one(names, reads, note, keep)
@@ -279,18 +281,12 @@ class MonitorSet:
         self, names: Sequence[str], reads: Sequence[Read], keep: SeeValues | None = None
     ) -> Take:
         """Return a `feeder` without a result; make another after a `MovingRead` has moved."""
-        joint = self._joint(names, reads, self.note, together(self._measure(names), keep))
+        joint = self._joint(names, reads, self.note, together(*self._measuring(names), keep))
         return self._one_by_one(names, reads, self.note, keep) if joint is None else joint.take
 
-    def _measure(self, names: Sequence[str]) -> SeeValues | None:
-        """Return the function that gets every sample in addition to the monitors, or None."""
-        return together(
-            None if self._owing is None else self._owing.feeder(names),
-            together(
-                None if self._meter is None else self._meter.feeder(names),
-                None if self._stages is None else self._stages.feeder(names),
-            ),
-        )
+    def _measuring(self, names: Sequence[str]) -> list[SeeValues | None]:
+        """Return the functions that take every sample in addition to the monitors."""
+        return [measure.feeder(names) for measure in self._measures]
 
     def _one_by_one(
         self,
@@ -304,9 +300,9 @@ class MonitorSet:
             (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
             for name, (source, judge) in self.monitors.items()
         ]
-        see = self._measure(names)
-        if keep is not None:  # the values are in the same list at every sample
-            see = together(see, lambda values: keep(tuple(values)))
+        # The values are in the same list at every sample.
+        copied = keep and (lambda values: keep(tuple(values)))
+        see = together(*self._measuring(names), copied)
         return one_by_one(parts, len(names), reads, self, note, see)
 
     def _joint(
@@ -341,12 +337,8 @@ class MonitorSet:
     def reset(self) -> None:
         for source in self._sources:
             source.reset()
-        if self._meter is not None:
-            self._meter.reset()
-        if self._owing is not None:
-            self._owing.reset()
-        if self._stages is not None:
-            self._stages.reset()
+        for measure in self._measures:
+            measure.reset()
         self._settled = {}
         self._ended = self._failed = frozenset()
         self.settled = 0
@@ -386,8 +378,8 @@ class MonitorSet:
         else:
             for judge in self._judges:
                 judge.finish(end)
-            if self._stages is not None:
-                self._stages.finish(end)
+            for stages in self._stages.values():
+                stages.finish(end)
             self.note()
         if was_open:
             self._ended |= self._settled.keys() & was_open
@@ -475,7 +467,7 @@ class MonitorSet:
             source.state() if isinstance(source, InstantMonitor) else machine_state(source)
             for source in self._sources
         ]
-        stages = None if self._stages is None else self._stages.state()
+        stages = [part.state() for part in self._stages.values()]
         settled = dict(self._settled), self._ended
         return self._described, sources, settled, self.violated_by, stages
 
@@ -492,8 +484,8 @@ class MonitorSet:
                 source.restore(held)
             else:
                 source.__setstate__(held)
-        if self._stages is not None:
-            self._stages.restore(stages)
+        for part, held in zip(self._stages.values(), stages, strict=True):
+            part.restore(held)
         self._settled, self._ended = dict(settled[0]), settled[1]
         self._failed = frozenset()
         self.settled = len(self._settled)
@@ -591,13 +583,14 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
     return feed
 
 
-def together(first: SeeValues | None, second: SeeValues | None) -> SeeValues | None:
-    """Return the function that calls both functions; either may be None."""
-    if first is None or second is None:
-        return first or second
+def together(*functions: SeeValues | None) -> SeeValues | None:
+    """Return a function that calls these functions, some of which may be None; or None."""
+    some = [function for function in functions if function is not None]
+    if len(some) < 2:
+        return some[0] if some else None
 
     def see(values: Sequence[float]) -> None:
-        first(values)
-        second(values)
+        for function in some:
+            function(values)
 
     return see

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from rtamt_gym.shaping import Numeric
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
     from rtamt_gym.judging.infos import Entrywise
     from rtamt_gym.signals.columns import Entries, Floats
+
+_M = TypeVar("_M")
 
 EXACT: tuple[SemanticsName, ...] = ("standard", "boolean")
 """The semantics in which every predicate counts, so that the sign of a robustness decides."""
@@ -179,15 +181,17 @@ def make_monitors(
     return monitors
 
 
-def options_of_parts(
-    specs: Mapping[str, Specification], parts: Sequence[Specification], reading: EvaluationOptions
-) -> list[dict[str, Any]]:
-    """Return the keywords of the monitors of parts of specifications."""
-    # With the specifications, whose inputs and outputs the parts may use.
+def monitors_of_parts(
+    specs: Mapping[str, Specification],
+    parts: Sequence[Specification],
+    reading: EvaluationOptions,
+    make: Callable[..., _M],
+) -> list[_M]:
+    """Return monitors of parts of specifications, which use their inputs and outputs."""
     numbered = {str(number): part for number, part in enumerate(parts)}
     both = {f"specification {name}": spec for name, spec in specs.items()} | numbered
     options = reading.from_monitors(both)
-    return [options[number] for number in numbered]
+    return [make(part, **options[number]) for number, part in numbered.items()]
 
 
 def bare(spec: Specification, formula: Formula) -> Specification:
@@ -224,8 +228,25 @@ def picked(
     return -1, itemgetter(*indices) if indices else lambda _: ()
 
 
-def pick(columns: list[int]) -> slice | list[int]:
-    """Return the index of columns in a table: for adjacent columns a slice, which does not copy."""
+def update_of(
+    monitor: Monitor | EpisodeMonitor, names: Sequence[str]
+) -> Callable[[Sequence[float]], float]:
+    """Return the update function for samples with values in the order of these names."""
+    index, several = picked([names.index(name) for name in monitor.variables])
+    update = monitor.update
+    if several is None:
+        return lambda values: update(values[index])
+    return lambda values: update(*several(values))
+
+
+def columns_of(
+    monitor: VectorMonitor | VectorEpisodeMonitor, names: Sequence[str]
+) -> slice | list[int]:
+    """Return the index of a monitor's columns in tables with columns of these names.
+
+    Adjacent columns are a slice, which does not copy.
+    """
+    columns = [names.index(name) for name in monitor.variables]
     if columns and columns == list(range(columns[0], columns[-1] + 1)):
         return slice(columns[0], columns[-1] + 1)
     return columns

@@ -42,6 +42,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -50,7 +51,7 @@ import rtamt
 from rtamt import Formula, Monitor, Specification, VectorMonitor
 from rtamt.internal import ClockEvent, ClockKind, OperatorClock, OperatorClocks
 from rtamt_gym.judging.formulas import looks_ahead, operands, operator_of
-from rtamt_gym.judging.monitors import Owed, bare, options_of_parts, pick, picked
+from rtamt_gym.judging.monitors import Owed, bare, columns_of, monitors_of_parts, update_of
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:
@@ -227,26 +228,18 @@ def _window(
 
 
 class _Obligations(Generic[_M]):
-    """The clocks of several specifications.
-
-    Attributes:
-        found: The operators of each specification.
-
-    Args:
-        judged: The specification of each judge, by name.
-        reading: The evaluation options.
-        make: Makes the monitor of a formula that clocks read.
-        num: The number of environments.
-    """
+    """The clocks of the judged specifications; ``found`` are the operators of each."""
 
     def __init__(
         self,
         judged: Mapping[str, Specification],
         reading: EvaluationOptions,
         make: Callable[..., _M],
-        num: int,
+        num: int = 1,
     ) -> None:
-        self.found = [obligations_of(spec, reading) for spec in judged.values()]
+        self.found: list[list[Obligation]] = [
+            obligations_of(spec, reading) for spec in judged.values()
+        ]
         parts = {
             (index, part): bare(spec, part)
             for index, (spec, obligations) in enumerate(
@@ -255,10 +248,7 @@ class _Obligations(Generic[_M]):
             for obligation in obligations
             for part in obligation.parts
         }
-        options = options_of_parts(judged, list(parts.values()), reading)
-        self._monitors: list[_M] = [
-            make(spec, **option) for spec, option in zip(parts.values(), options, strict=True)
-        ]
+        self._monitors: list[_M] = monitors_of_parts(judged, [*parts.values()], reading, make)
         places = {key: index for index, key in enumerate(parts)}
         late = [monitor.latency for monitor in self._monitors]
         clocks = [
@@ -290,13 +280,8 @@ class Obligations(_Obligations[VectorMonitor]):
         reading: EvaluationOptions,
         columns: Sequence[str],
     ) -> None:
-        def make(spec: Specification, **option: Any) -> VectorMonitor:  # noqa: ANN401
-            return VectorMonitor(spec, num, **option)
-
-        super().__init__(judged, reading, make, num)
-        self._picks = [
-            pick([columns.index(name) for name in monitor.variables]) for monitor in self._monitors
-        ]
+        super().__init__(judged, reading, partial(VectorMonitor, num=num), num)
+        self._picks = [columns_of(monitor, columns) for monitor in self._monitors]
         self._values: Floats = np.empty((len(self._monitors), num))
 
     def reset(self, entries: Entries | None = None) -> None:
@@ -319,7 +304,7 @@ class SingleObligations(_Obligations[Monitor]):
     """The clocks of one environment."""
 
     def __init__(self, judged: Mapping[str, Specification], reading: EvaluationOptions) -> None:
-        super().__init__(judged, reading, Monitor, 1)
+        super().__init__(judged, reading, Monitor)
 
     def reset(self) -> None:
         for monitor in self._monitors:
@@ -328,23 +313,11 @@ class SingleObligations(_Obligations[Monitor]):
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
         """Return the update function for samples with values in the order of these names."""
-        parts = [
-            (monitor.update, *picked([names.index(v) for v in monitor.variables]))
-            for monitor in self._monitors
-        ]
+        updates = [update_of(monitor, names) for monitor in self._monitors]
         take = self._clocks.feed
-        if not parts:
+        if not updates:
             return lambda _: None
-
-        def feed(values: Sequence[float]) -> None:
-            take(
-                [
-                    [update(values[only]) if pick is None else update(*pick(values))]
-                    for update, only, pick in parts
-                ]
-            )
-
-        return feed
+        return lambda values: take([[update(values)] for update in updates])
 
     def owed(self) -> list[list[Owed]]:
         """Return the state of every operator of each specification."""

@@ -24,7 +24,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from functools import partial
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -43,7 +44,13 @@ from rtamt.typing import End
 from rtamt_gym.checks.arguments import check_known
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.infos import Entrywise
-from rtamt_gym.judging.monitors import bare, machine_state, options_of_parts, pick, picked
+from rtamt_gym.judging.monitors import (
+    bare,
+    columns_of,
+    machine_state,
+    monitors_of_parts,
+    update_of,
+)
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 if TYPE_CHECKING:  # a recorded trace is judged without Gymnasium
@@ -152,14 +159,14 @@ def progress_of(
     if not stages_of({"": spec}, reading):
         return None
     judge = EpisodeMonitor(spec, **reading.from_monitors({"": spec})[""])
-    progress = StageProgress({"": spec}, {"": judge}, reading)
+    progress = stage_progress({"": spec}, {"": judge}, reading)[""]
     feed = progress.feeder(spec.variables)
     for row in zip(*(columns[name].tolist() for name in spec.variables), strict=True):
         judge.update(*row)
         feed(row)
     judge.finish(reading.end)
     progress.finish(reading.end)
-    return progress.least
+    return progress.progress
 
 
 def progress_of_events(
@@ -209,8 +216,7 @@ def progress_of_events(
     return _ALMOST
 
 
-@dataclass(frozen=True, slots=True)
-class _Monitors(Generic[_M]):
+class _Monitors(NamedTuple, Generic[_M]):
     """The monitors of a requirement with stages.
 
     Attributes:
@@ -235,20 +241,12 @@ def _monitors_of(
     make: Callable[..., _M],
 ) -> dict[str, _Monitors[_M]]:
     """Return the monitors of each requirement with stages."""
-    staged = stages_of(specs, reading)
-    parts = {
-        name: [
-            *(bare(specs[name], decider) for decider in requirement.deciders),
-            *(bare(specs[name], stage.eventually()) for stage in requirement.conditions),
-        ]
-        for name, requirement in staged.items()
-    }
-    flat = [part for listed in parts.values() for part in listed]
-    options = iter(options_of_parts(specs, flat, reading) if flat else ())
-    monitors: dict[str, _Monitors[_M]] = {}
-    for name, listed in parts.items():
-        made, count = [make(part, **next(options)) for part in listed], len(staged[name].deciders)
-        monitors[name] = _Monitors(made[:count], made[count:], judges[name])
+    monitors = {}
+    for name, staged in stages_of(specs, reading).items():
+        formulas = [*staged.deciders, *(stage.eventually() for stage in staged.conditions)]
+        parts = monitors_of_parts(specs, [bare(specs[name], f) for f in formulas], reading, make)
+        count = len(staged.deciders)
+        monitors[name] = _Monitors(parts[:count], parts[count:], judges[name])
     return monitors
 
 
@@ -281,77 +279,27 @@ _ALMOST = math.nextafter(1.0, 0.0)
 """The progress if all stages are decided and the requirement is not."""
 
 
-class StageProgress:
-    """The progress of requirements in one environment.
+def stage_progress(
+    specs: Mapping[str, Specification],
+    judges: Mapping[str, EpisodeMonitor],
+    reading: EvaluationOptions,
+) -> dict[str, StageProgress]:
+    """Return the progress in one environment of each requirement with stages, by its name.
 
     Args:
         specs: The specifications by name.
-        judges: The monitor of each, which takes a sample before this object does.
+        judges: The monitor of each, which takes a sample before its progress does.
         reading: The evaluation options, with the stages that are named.
 
     Raises:
         RtamtError: As `stages_of` does, or if stages cannot be compiled.
     """
-
-    def __init__(
-        self,
-        specs: Mapping[str, Specification],
-        judges: Mapping[str, EpisodeMonitor],
-        reading: EvaluationOptions,
-    ) -> None:
-        self._parts = {
-            name: _RequirementProgress(monitors, hold=reading.nan == "hold")
-            for name, monitors in _monitors_of(specs, judges, reading, EpisodeMonitor).items()
-        }
-
-    def __bool__(self) -> bool:
-        """Whether a requirement has stages."""
-        return bool(self._parts)
-
-    @property
-    def values(self) -> dict[str, float]:
-        """The progress of each requirement that has stages, by its name."""
-        return {name: part.progress for name, part in self._parts.items()}
-
-    @property
-    def least(self) -> float:
-        """The minimum progress."""
-        return min(part.progress for part in self._parts.values())
-
-    def reset(self) -> None:
-        for part in self._parts.values():
-            part.reset()
-
-    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
-        """Return the update function for samples with values in the order of these names."""
-        feeds = [part.feeder(names) for part in self._parts.values()]
-
-        def feed(values: Sequence[float]) -> None:
-            for take in feeds:
-                take(values)
-
-        return feed
-
-    def finish(self, end: End) -> None:
-        """End the trace, after the judges have."""
-        for part in self._parts.values():
-            part.finish(end)
-
-    def state(self) -> tuple[Any, ...]:
-        return tuple(part.state() for part in self._parts.values())
-
-    def restore(self, state: tuple[Any, ...]) -> None:
-        for part, held in zip(self._parts.values(), state, strict=True):
-            part.restore(held)
+    monitors = _monitors_of(specs, judges, reading, EpisodeMonitor)
+    return {n: StageProgress(m, hold=reading.nan == "hold") for n, m in monitors.items()}
 
 
-class _RequirementProgress:
-    """The progress of one requirement in one environment.
-
-    Args:
-        monitors: Its monitors.
-        hold: Whether a nan repeats the last value.
-    """
+class StageProgress:
+    """The progress of a requirement in one environment; ``hold``: a nan repeats the last value."""
 
     def __init__(self, monitors: _Monitors[EpisodeMonitor], *, hold: bool) -> None:
         self._monitors, self._hold = monitors, hold
@@ -371,15 +319,9 @@ class _RequirementProgress:
         self._start()
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
-        def update_of(monitor: EpisodeMonitor) -> Callable[[Sequence[float]], float]:
-            index, several = picked([names.index(name) for name in monitor.variables])
-            update = monitor.update
-            if several is None:
-                return lambda values: update(values[index])
-            return lambda values: update(*several(values))
-
-        deciders = [update_of(monitor) for monitor in self._monitors.deciders]
-        singles = [update_of(monitor) for monitor in self._monitors.alone]
+        """Return the update function for samples with values in the order of these names."""
+        deciders = [update_of(monitor, names) for monitor in self._monitors.deciders]
+        singles = [update_of(monitor, names) for monitor in self._monitors.alone]
         judge, hold, next_stage = self._monitors.judge, self._hold, self._next_stage
 
         def feed(values: Sequence[float]) -> None:
@@ -421,6 +363,7 @@ class _RequirementProgress:
         return self._held
 
     def finish(self, end: End) -> None:
+        """End the trace, after the judge has."""
         deciders = self._monitors.deciders
         for monitor in deciders[self._reached :]:
             monitor.finish(end)
@@ -463,65 +406,21 @@ class _RequirementProgress:
             monitor.__setstate__(machine)
 
 
+def vector_stage_progress(
+    specs: Mapping[str, Specification],
+    judges: Mapping[str, VectorEpisodeMonitor],
+    reading: EvaluationOptions,
+    num: int,
+    columns: Sequence[str],
+) -> dict[str, VectorStageProgress]:
+    """Return `stage_progress` for a batch; ``columns`` are the names of the columns of tables."""
+    monitors = _monitors_of(specs, judges, reading, partial(VectorEpisodeMonitor, num=num))
+    hold = reading.nan == "hold"
+    return {n: VectorStageProgress(m, num, columns, hold=hold) for n, m in monitors.items()}
+
+
 class VectorStageProgress:
-    """The progress of requirements in a batch of environments.
-
-    Args:
-        specs: The specifications by name.
-        judges: The monitor of each, which takes a sample before this object does.
-        reading: The evaluation options, with the stages that are named.
-        num: The number of environments.
-        columns: The names of the columns of the tables.
-    """
-
-    def __init__(
-        self,
-        specs: Mapping[str, Specification],
-        judges: Mapping[str, VectorEpisodeMonitor],
-        reading: EvaluationOptions,
-        num: int,
-        columns: Sequence[str],
-    ) -> None:
-        def make(part: Specification, **options: Any) -> VectorEpisodeMonitor:  # noqa: ANN401
-            return VectorEpisodeMonitor(part, num, **options)
-
-        self._parts = {
-            name: _VectorRequirementProgress(monitors, num, columns, hold=reading.nan == "hold")
-            for name, monitors in _monitors_of(specs, judges, reading, make).items()
-        }
-
-    def __bool__(self) -> bool:
-        """Whether a requirement has stages."""
-        return bool(self._parts)
-
-    @property
-    def values(self) -> dict[str, Floats]:
-        """The progress of each requirement that has stages, by its name; new arrays."""
-        return {name: part.progress.copy() for name, part in self._parts.items()}
-
-    @property
-    def least(self) -> Floats:
-        """The minimum progress over the requirements; a new array."""
-        least: Floats = np.minimum.reduce([part.progress for part in self._parts.values()])
-        return least
-
-    def reset(self, entries: Entries | None = None) -> None:
-        for part in self._parts.values():
-            part.reset(entries)
-
-    def feed(self, table: Floats, entries: Entries | None = None) -> None:
-        """Take a row of the table for each environment in the mask; None: for all."""
-        for part in self._parts.values():
-            part.feed(table, entries)
-
-    def finish(self, entries: Entries, end: End) -> None:
-        """End the traces of the environments in the mask, after the judges have."""
-        for part in self._parts.values():
-            part.finish(entries, end)
-
-
-class _VectorRequirementProgress:
-    """The progress of one requirement in a batch of environments."""
+    """The progress of a requirement in a batch of environments."""
 
     def __init__(
         self,
@@ -533,10 +432,7 @@ class _VectorRequirementProgress:
     ) -> None:
         self._monitors = monitors
         self._count = len(monitors.alone)
-        self._picks = {
-            monitor: pick([columns.index(name) for name in monitor.variables])
-            for monitor in monitors.every
-        }
+        self._picks = {monitor: columns_of(monitor, columns) for monitor in monitors.every}
         self.progress: Floats = np.zeros(num)
         self._began: Floats = np.full(num, np.nan)
         self._reached = np.zeros(num, np.int64)
@@ -551,6 +447,7 @@ class _VectorRequirementProgress:
         self._reached[which] = 0  # `_held` stays: the judge refuses a nan at the first sample
 
     def feed(self, table: Floats, entries: Entries | None) -> None:
+        """Take a row of the table for each environment in the mask; None: for all."""
         if self._held is not None:
             fed = ~np.isnan(table) if entries is None else ~np.isnan(table) & entries[:, None]
             np.copyto(self._held, table, where=fed)
@@ -588,6 +485,7 @@ class _VectorRequirementProgress:
         return monitor.update(rows, None if count == len(entries) else entries)
 
     def finish(self, entries: Entries, end: End) -> None:
+        """End the traces of the environments in the mask, after the judges have."""
         deciders = self._monitors.deciders
         for stage, monitor in enumerate(deciders):
             monitor.finish(entries & (self._reached <= stage), end=end)

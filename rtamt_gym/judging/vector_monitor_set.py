@@ -25,7 +25,7 @@ from rtamt_gym.judging.monitors import (
     require_known,
 )
 from rtamt_gym.judging.obligations import Obligation, Obligations
-from rtamt_gym.judging.stages import VectorStageProgress
+from rtamt_gym.judging.stages import VectorStageProgress, vector_stage_progress
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Entries, Floats
@@ -62,6 +62,7 @@ class VectorMonitorSet:
             of_instants=partial(VectorInstantMonitor, num=num),
         )
         self._names = np.array([*self.monitors, None], dtype=object)
+        self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
         self._log = VerdictLog(self._judges)
         self._columns = tuple(
@@ -72,8 +73,8 @@ class VectorMonitorSet:
         self._meter = cost and VectorCostMeter(cost, specs, num, reading, columns)
         self._owing: Obligations | None = None
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
-        self._stages = VectorStageProgress(specs, judges, reading, num, columns) or None
-        self._reading = num, reading, columns
+        self._stages = vector_stage_progress(specs, judges, reading, num, columns)
+        self._reading, self._table_names = reading, columns
         self._whole = reading.view == "episode"  # the sources are the judges
         self.robustness = np.full(num, np.nan)
         self._lower: Floats | None = None  # computed when they are read
@@ -83,9 +84,9 @@ class VectorMonitorSet:
     def track_obligations(self) -> list[list[Obligation]]:
         """Track pending obligations from now on; return the operators."""
         if self._owing is None:
-            require_known(self._reading[1], Argument("observe", "obligations"))
+            require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
-            self._owing = Obligations(judged, *self._reading)
+            self._owing = Obligations(judged, self._log.num, self._reading, self._table_names)
         return self._owing.found
 
     @property
@@ -94,10 +95,15 @@ class VectorMonitorSet:
         return self._owing is not None
 
     @property
+    def _measures(self) -> list[Obligations | VectorCostMeter | VectorStageProgress]:
+        """What takes every sample in addition to the monitors."""
+        measures = [self._owing, self._meter, *self._stages.values()]
+        return [measure for measure in measures if measure is not None]
+
+    @property
     def of_instant(self) -> NDArray[np.bool_] | None:
         """True everywhere if the robustness is the robustness of an instant; otherwise None."""
-        num, reading, _ = self._reading
-        return np.ones(num, np.bool_) if reading.view == "step" else None
+        return None if self._whole else np.ones(self._log.num, np.bool_)
 
     @property
     def period(self) -> Fraction | None:
@@ -149,13 +155,16 @@ class VectorMonitorSet:
 
     @property
     def progress(self) -> dict[str, Floats]:
-        """The progress of each requirement in stages, by its name."""
-        return {} if self._stages is None else self._stages.values
+        """The progress of each requirement in stages, by its name; new arrays."""
+        return {name: part.progress.copy() for name, part in self._stages.items()}
 
     @property
     def least_progress(self) -> Floats | None:
         """The minimum progress over the requirements in stages; None without stages."""
-        return None if self._stages is None else self._stages.least
+        if not self._stages:
+            return None
+        least: Floats = np.minimum.reduce([part.progress for part in self._stages.values()])
+        return least
 
     def success(self, at: Numbers) -> Entries:
         """Return whether each of the environments `at` satisfies all specifications."""
@@ -167,15 +176,11 @@ class VectorMonitorSet:
     def reset(self, entries: Entries | None = None) -> None:
         """Forget the episodes of the environments in the mask; None: of all."""
         if not self._whole:
-            for source, _ in self.monitors.values():
+            for source in self._sources:
                 source.reset(entries)
         self._log.reset(entries)
-        if self._meter is not None:
-            self._meter.reset(entries)
-        if self._owing is not None:
-            self._owing.reset(entries)
-        if self._stages is not None:
-            self._stages.reset(entries)
+        for measure in self._measures:
+            measure.reset(entries)
 
     def feed(self, table: Floats, entries: Entries | None = None) -> None:
         """Take a row of the table for each environment in the mask; None: for all.
@@ -186,20 +191,15 @@ class VectorMonitorSet:
         if self._whole:
             self.robustness = self._log.feed(table, self._columns, entries)
         else:
-            sources = [source for source, _ in self.monitors.values()]
             self.robustness = least(
                 [
                     source.update(table[:, list(columns)], entries)
-                    for source, columns in zip(sources, self._columns, strict=True)
+                    for source, columns in zip(self._sources, self._columns, strict=True)
                 ]
             )
             self._log.note()
-        if self._meter is not None:
-            self._meter.feed(table, entries)
-        if self._owing is not None:
-            self._owing.feed(table, entries)
-        if self._stages is not None:
-            self._stages.feed(table, entries)
+        for measure in self._measures:
+            measure.feed(table, entries)
 
     def cut_windows(self, entries: Entries) -> frozenset[str]:
         """Return the names of `MonitorSet.cut_windows` in any environment in the mask."""
@@ -222,12 +222,12 @@ class VectorMonitorSet:
             self._log.fail(entries)
             return
         self._log.finish(entries, end=end)
-        if self._stages is not None:
-            self._stages.finish(entries, end)
+        for stages in self._stages.values():
+            stages.finish(entries, end)
         if self._whole:
             self.robustness = self._log.least("robustness")
         else:
-            self.robustness = least([source.robustness for source, _ in self.monitors.values()])
+            self.robustness = least([source.robustness for source in self._sources])
 
     def take_costs(self, stepped: Entries | None) -> dict[str, Floats] | None:
         """Return the costs of the step of the environments in the mask; None: of all.
@@ -265,7 +265,7 @@ class VectorMonitorSet:
             for failed, judge in zip(self._log.failed, self._judges, strict=True)
         ]
         return MonitorValues(
-            [source.robustness for source, _ in self.monitors.values()],
+            [source.robustness for source in self._sources],
             [judge.robustness for judge in self._judges],
             [judge.lower for judge in self._judges],
             self._uppers(),

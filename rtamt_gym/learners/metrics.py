@@ -23,7 +23,7 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.judging.batch_infos import key_mask
+from rtamt_gym.judging.infos import key_mask
 from rtamt_gym.results.intervals import clopper_pearson, median, quantiles
 from rtamt_gym.results.statistics import RequirementResult
 

@@ -19,7 +19,6 @@ from rtamt import InputError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.batch_infos import autoreset_mode, final_infos, final_observations
 from rtamt_gym.judging.specs import own_requirements, with_unknown_start
 from rtamt_gym.options.evaluation import (
     AtTermination,
@@ -43,6 +42,7 @@ from rtamt_gym.systems.environment import with_own_monitor
 from rtamt_gym.systems.policies import Model, PolicyBatch, SeededPolicy, evaluated
 from rtamt_gym.systems.system import Policy, Signals, System, SystemEnd, no_exit
 from rtamt_gym.wrappers.monitor import monitor_of
+from rtamt_gym.wrappers.vector_forms import autoreset_mode, final_infos, final_observations
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 Vector = VectorEnv[Any, Any, Any]

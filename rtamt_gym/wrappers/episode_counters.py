@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from rtamt_gym.judging.batch_infos import key_mask
+from rtamt_gym.judging.infos import key_mask
 from rtamt_gym.signals.columns import Entries, Floats
 
 

@@ -19,7 +19,7 @@ from rtamt import Explanation, InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.batch_infos import put
+from rtamt_gym.judging.infos import put
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike
 from rtamt_gym.shaping import (

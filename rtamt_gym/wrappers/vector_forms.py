@@ -1,20 +1,27 @@
-"""Vector environments of EnvPool and of PufferLib, adapted to Gymnasium's `VectorEnv`.
+"""The forms of vector environments: when they reset, their last results, and adapters.
 
-They are recognized by their attributes, and neither package is imported. The adapters pass on the
-arrays of the environments, without a copy.
+Environments of EnvPool and of PufferLib are adapted to Gymnasium's `VectorEnv`. They are recognized
+by their attributes, and neither package is imported. The adapters pass on the arrays of the
+environments, without a copy.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium import logger, spaces
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.checks.names import listing
+from rtamt_gym.judging.infos import key_mask
+from rtamt_gym.signals.columns import Entries
 from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.taps import StaysOpen
 
@@ -318,3 +325,130 @@ def _last_infos(infos: dict[str, Any], ended: Any) -> list[dict[str, list[float]
         if not name.startswith("_"):
             columns |= {f"{name}/{key}": outcome[key] for key in ("satisfied", "robustness")}
     return [{f"stl/{key}": column[ended].astype(float).tolist() for key, column in columns.items()}]
+
+
+def final_observations(
+    space: spaces.Space[Any],
+    obs: Any,
+    infos: Mapping[str, Any],
+    ended: Entries,
+) -> Any:
+    """Return the observations from before the resets in a step.
+
+    Args:
+        space: The observation space of one environment.
+        obs: The observations after the resets.
+        infos: Has the observations from before the resets as ``final_obs``: an array with one
+            object for each environment, as Gymnasium makes it, or a batch.
+        ended: The environments that ended.
+
+    Raises:
+        InputError: If ``final_obs`` is missing.
+    """
+    if "final_obs" not in infos:
+        raise InputError(
+            "expected the observations at the ends of episodes in infos['final_obs'], as "
+            f"AutoresetMode.SAME_STEP has them, got the keys {listing(infos)}"
+        )
+    final = infos["final_obs"]
+    if isinstance(final, np.ndarray) and final.dtype == object:
+        final = list(final[ended])
+    return _replaced(space, obs, final, ended)
+
+
+def _replaced(
+    space: spaces.Space[Any],
+    obs: Any,
+    final: Any,
+    ended: Entries,
+) -> Any:
+    """Replace the observations of the environments that ended.
+
+    ``final`` is a list with an observation for each of them, or a batch like ``obs``.
+    """
+
+    def part(key: Any) -> Any:
+        return [single[key] for single in final] if isinstance(final, list) else final[key]
+
+    match space:
+        case spaces.Dict():
+            return {
+                key: _replaced(inner, obs[key], part(key), ended)
+                for key, inner in space.spaces.items()
+            }
+        case spaces.Tuple():
+            return tuple(
+                _replaced(inner, obs[i], part(i), ended) for i, inner in enumerate(space.spaces)
+            )
+        case spaces.Box() | spaces.Discrete() | spaces.MultiDiscrete() | spaces.MultiBinary():
+            batch = np.array(obs)
+            batch[ended] = final if isinstance(final, list) else np.asarray(final)[ended]
+            return batch
+        case _:  # no array, and no signal
+            return obs
+
+
+def final_infos(infos: dict[str, Any], ended: Entries) -> dict[str, Any]:
+    """Return the infos from before the resets in a step: ``final_info`` where episodes ended."""
+    before = {k: v for k, v in infos.items() if k not in _FINAL}
+    return _merged(before, infos.get("final_info", {}), ended)
+
+
+_FINAL = frozenset({"final_info", "_final_info", "final_obs", "_final_obs"})
+
+
+def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Entries) -> dict[str, Any]:
+    merged: dict[str, Any] = {}
+    keys = {**infos, **final}
+    for key in keys:
+        if key.startswith("_") and key[1:] in keys:
+            continue
+        old, new = infos.get(key), final.get(key)
+        if isinstance(old, Mapping) or isinstance(new, Mapping):
+            merged[key] = _merged(old or {}, new or {}, ended)
+        elif old is None or new is None:
+            merged[key] = new if old is None else old
+        else:
+            column = np.array(old, np.result_type(old, new))
+            column[ended] = np.asarray(new)[ended]
+            merged[key] = column
+        num = len(ended)
+        merged[f"_{key}"] = np.where(ended, key_mask(final, key, num), key_mask(infos, key, num))
+    return merged
+
+
+def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
+    """Return when a vector environment resets an environment after the end of its episode.
+
+    Raises:
+        InputError: If its metadata has a value that is not a mode.
+    """
+    mode, inner = env.metadata.get("autoreset_mode"), env.unwrapped
+    if isinstance(inner, SyncVectorEnv | AsyncVectorEnv) and env.metadata is inner.metadata:
+        # Before 1.4, vector environments of one class share their metadata.
+        mode = mode and inner.autoreset_mode
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode is not None:
+        raise InputError(
+            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
+        )
+    # Gymnasium's own wrappers also assume this mode.
+    logger.warn(
+        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor assumes AutoresetMode.NEXT_STEP"
+    )
+    return AutoresetMode.NEXT_STEP
+
+
+def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:
+    """Return ``options["reset_mask"]``; raise for a value that Gymnasium would not take."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise InputTypeError(
+            f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
+        )
+    if mask.shape != (num,) or not mask.any():
+        raise InputError(
+            f"expected options['reset_mask'] of shape ({num},), true for one environment or more, "
+            f"got {mask!r}"
+        )
+    return mask

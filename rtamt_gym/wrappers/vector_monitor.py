@@ -13,18 +13,17 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, Specification, StateError
-from rtamt_gym.judging.batch_infos import (
-    autoreset_mode,
-    checked_mask,
-    final_infos,
-    final_observations,
-    key_mask,
-    put,
-    put_last,
-)
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.end_warnings import assumed
-from rtamt_gym.judging.infos import EpisodeRecords, last_info, record, step_info
+from rtamt_gym.judging.infos import (
+    EpisodeRecords,
+    key_mask,
+    last_info,
+    put,
+    put_last,
+    record,
+    step_info,
+)
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
 from rtamt_gym.judging.vector_monitor_set import VectorMonitors, VectorMonitorSet
@@ -43,7 +42,13 @@ from rtamt_gym.wrappers.monitoring import (
     refuse_monitored,
 )
 from rtamt_gym.wrappers.observing import Observe
-from rtamt_gym.wrappers.vector_forms import as_vector_env
+from rtamt_gym.wrappers.vector_forms import (
+    as_vector_env,
+    autoreset_mode,
+    checked_mask,
+    final_infos,
+    final_observations,
+)
 
 if TYPE_CHECKING:
     from rtamt_gym.live.track import Track

@@ -10,7 +10,7 @@ from gymnasium.vector import VectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt_gym.judging.batch_infos import final_infos
+from rtamt_gym.wrappers.vector_forms import final_infos
 
 Info = dict[str, Any]
 

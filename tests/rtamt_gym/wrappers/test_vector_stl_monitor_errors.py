@@ -16,8 +16,8 @@ from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import VectorStlMonitor, VectorStlReward
-from rtamt_gym.judging.batch_infos import autoreset_mode
 from rtamt_gym.wrappers import batched
+from rtamt_gym.wrappers.vector_forms import autoreset_mode
 
 ANGLE = {"theta": "obs[2]"}
 WAY_OUT = (
