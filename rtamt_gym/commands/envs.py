@@ -67,7 +67,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         read_period,
         unverified_period,
     )
-    from rtamt_gym.signals.spaces import described
+    from rtamt_gym.signals.sources import described
     from rtamt_gym.wrappers.substeps import read_substep_period
 
     name = env.spec.id if env.spec else str(env)
@@ -139,7 +139,7 @@ def _filled(text: str, indent: str = "") -> str:
 
 def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]:
     """Return a table of the selectors with their values at reset and after a step."""
-    from rtamt_gym.signals.offers import offers
+    from rtamt_gym.signals.sources import offers
 
     space = env.action_space  # an environment may make a new one at a reset
     space.seed(seed)

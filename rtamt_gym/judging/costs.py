@@ -238,13 +238,8 @@ def step_costs(
 ) -> list[Any]:
     """Return the cost of a step for each specification, and the total last.
 
-    The arguments have a number, a truth value or an array of any library for each specification.
-
-    Args:
-        kind: The kind of cost.
-        worst: The maximum cost of the demands in the step.
-        violated: Whether the specification is violated.
-        charged: Whether it was violated before the step.
+    The arguments have a number, a truth value or an array of any library for each specification:
+    the maximum cost of its demands, whether it is violated, and whether it was before the step.
     """
     costs = list(worst)
     if kind in {"latched", "first"}:

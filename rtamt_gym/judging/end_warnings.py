@@ -54,25 +54,16 @@ class UnseenEndWarning(UserWarning):
 
 
 def assumed(satisfied: Sequence[str], windows: Collection[str]) -> tuple[str, bool] | None:
-    """Return the specification to name in a warning about an end without `at_termination`.
+    """Return what to warn of at an end without `at_termination`, or None.
 
-    Args:
-        satisfied: The specifications that the end satisfied.
-        windows: The specifications with a bounded window that reached past the end.
-
-    Returns:
-        The name, and whether its window reached past the end; None if there is nothing to warn of.
+    It is the first specification that the end satisfied, and whether its bounded window reached
+    past the end; specifications with such windows come first.
     """
     cut = [name for name in satisfied if name in windows]
     return next(((name, bool(cut)) for name in cut or satisfied), None)
 
 
 def warn_of_open_end(name: str, *, window: bool = False) -> None:
-    """Warn that a specification counts as satisfied because the environment ended the episode.
-
-    Args:
-        name: The specification.
-        window: Whether a bounded window reached past the end.
-    """
+    """Warn that the end of an episode satisfied a specification, or its open ``window``."""
     kind = CutWindowWarning if window else OpenEndWarning
     warnings.warn(kind(name), stacklevel=caller_level())

@@ -32,12 +32,8 @@ def require_whole_episode(owner: str, spec: Specification, option: object) -> No
     """Raise SpecificationError if a requirement or an operand is about the first sample only.
 
     ``always p implies q`` is ``(always p) implies q``, which evaluates q at the first sample only.
-    Without brackets around p, a reader could also take it as ``always(p implies q)``.
-
-    Args:
-        owner: The name of the specification, for the error.
-        spec: The specification.
-        option: The argument that requires it at every sample, a text or an `Argument`.
+    Without brackets around p, a reader could also take it as ``always(p implies q)``. ``owner`` is
+    the name of the specification, and ``option`` the argument that requires it at every sample.
 
     Example:
         >>> import rtamt
@@ -60,13 +56,7 @@ def require_whole_episode(owner: str, spec: Specification, option: object) -> No
 
 
 def first_sample_error(owner: str, spec: Specification, option: object) -> SpecificationError:
-    """Return the error for a requirement that is about the first sample only.
-
-    Args:
-        owner: The name of the specification, for the error.
-        spec: The specification.
-        option: The argument that requires it at every sample, a text or an `Argument`.
-    """
+    """Return the error for a requirement that is about the first sample only."""
     way_out = f"write always({shorten(str(spec.formula), 60)}) or "
     if spec.requirement is not None and spec.id is not None:
         way_out = f"its id makes it a requirement by itself: remove the id, {way_out}"

@@ -69,12 +69,9 @@ class Where(NamedTuple):
 
 
 class SpecRows(NamedTuple):
-    """Values of several specifications in a batch of environments.
+    """Values of several specifications in a batch: arrays with a row for each specification.
 
-    Attributes:
-        names: The specifications.
-        found: Arrays with a row for each specification.
-        more: Further values of a specification, by name.
+    ``more`` has further values of a specification, by its name.
     """
 
     names: Sequence[str]
@@ -107,16 +104,8 @@ def step_info(
 ) -> dict[str, Any]:
     """Return the info of a step with the keys that every info has.
 
-    Args:
-        info: The info of the environment.
-        robustness: The robustness of the samples so far.
-        lower: Its lower bound.
-        upper: Its upper bound.
-        violated: Whether a specification is violated.
-        monitors: The monitor set, which has the values of optional keys; None: without them.
-        states: A `spec_state` for each specification, if the info has them.
-        costs: The costs with their keys, if they are measured.
-        period: The period, at a reset.
+    ``monitors`` has the values of optional keys, ``states`` is a `spec_state` for each
+    specification, and ``period`` belongs to the info of a reset.
     """
     # Setting key by key takes half the time of merging two dictionaries.
     added = dict(info)
@@ -173,14 +162,8 @@ def outcome(
 ) -> dict[str, Any]:
     """Return the outcome of a specification, an entry of ``info["stl_episode"]``.
 
-    Args:
-        robustness: The robustness of the episode.
-        verdict: -1 violated, 0 undecided, 1 satisfied.
-        satisfied: Whether the verdict is 1.
-        settled_at: The sample that decided the verdict; the last sample if only the end did.
-        decided: Whether a sample decided the verdict.
-        ended: Whether only the end decided it.
-        by_end: Whether the verdict is -1 although the robustness holds.
+    ``settled_at`` is the sample that ``decided`` the verdict, or the last sample if only the end
+    did, ``ended``. ``by_end`` is a verdict of -1 although the robustness holds.
     """
     return {
         "robustness": robustness,
@@ -203,14 +186,9 @@ def last_info(
 ) -> dict[str, Any]:
     """Return the keys that only the last info of an episode has.
 
-    Args:
-        outcomes: An `outcome` for each specification.
-        violated: Whether a specification is violated.
-        violated_by: The specification that was violated first, if any.
-        violated_at: The sample that showed this violation; the last sample if only the end did.
-        success: Whether all specifications are satisfied.
-        undecided: Whether a verdict is undecided.
-        reported: Whether the environment has its own ``is_success``, which stays.
+    ``outcomes`` has an `outcome` for each specification; ``violated_by`` and ``violated_at`` mean
+    the first violation; ``reported`` is where the environment has its own ``is_success``, which
+    stays.
     """
     return {
         "stl_episode": outcomes,
@@ -237,12 +215,7 @@ def end_info(
 
 
 def present(info: Mapping[str, Any], *, deep: bool = True) -> dict[str, Any]:
-    """Return the info of one environment, without absent keys.
-
-    Args:
-        info: The values by key.
-        deep: Whether to copy inner dictionaries without absent keys, too.
-    """
+    """Return the info of one environment without absent keys; deep: in inner ones too."""
     there = {}
     for key, value in info.items():
         kind = type(value)
@@ -305,16 +278,11 @@ def put_last(
     reported: Entries | None,
     spread: Callable[[list[_Column], NDArray[np.int64]], None],
 ) -> None:
-    """Set the keys of `last_info` for some environments.
+    """Set the keys of `last_info` for the environments in ``mask``, whose numbers are ``at``.
 
-    Args:
-        infos: The infos.
-        last: The keys; each array, also in a `Where` or a `SpecRows`, has an element for each of
-            these environments.
-        at: The numbers of the environments.
-        mask: The mask of the environments.
-        reported: Where the environment has its own ``is_success``, which stays; None: nowhere.
-        spread: Writes all values at once, as `VerdictLog.spread` does.
+    Each array of ``last``, also in a `Where` or a `SpecRows`, has an element for each of them. An
+    own ``is_success`` stays where it is ``reported``; `VerdictLog.spread` writes all values at
+    once.
     """
     num, before = len(mask), infos.get("is_success")
     columns: list[_Column] = []
@@ -358,10 +326,9 @@ def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Entries:
 
 
 class EpisodeRecords:
-    """The records of the last ``length`` episodes that ended in a vector environment.
+    """The records of the last ``length`` episodes of a vector environment.
 
-    It keeps the arrays of `record` for each step that ended episodes, because converting all to
-    Python values would take longer than the step.
+    It keeps the arrays of `record`, because converting them takes longer than a step.
     """
 
     def __init__(self, length: int) -> None:

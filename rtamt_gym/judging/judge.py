@@ -1,27 +1,24 @@
-"""Specifications that are checked and compiled once for many runs."""
+"""Specifications of a run: compiled once for many runs, and the values of their monitors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rtamt import Specification, Verdict
 from rtamt.monitors import Evidence, Implications, TriggerCount
 from rtamt.typing import End
-from rtamt_gym.judging.monitor_set import MonitorSet
+from rtamt_gym.judging.monitor_set import Monitors, MonitorSet
 from rtamt_gym.options.evaluation import AtTermination, EvaluationOptions
 from rtamt_gym.signals.signals import SignalLike
 
+if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
+
 
 class Judging(NamedTuple):
-    """The specifications of a run with their evaluation options.
-
-    Attributes:
-        specs: The specifications by name.
-        signals: The signals of their variables that a call sets.
-        reading: The evaluation options.
-    """
+    """The specifications of a run, the signals that a call sets, and the evaluation options."""
 
     specs: Mapping[str, Specification]
     signals: Mapping[str, SignalLike] | None
@@ -32,10 +29,6 @@ class TriggerCounter:
     """Counts how often runs trigger the implications of specifications.
 
     It is false without an implication: then no samples need to be kept.
-
-    Args:
-        specs: The specifications by name.
-        reading: The evaluation options, with the period.
 
     Example:
         >>> import rtamt
@@ -73,11 +66,8 @@ class TriggerCounter:
     ) -> Mapping[str, Evidence[TriggerCount]]:
         """Return the evidence of the verdict on each specification.
 
-        Args:
-            samples: The values of every variable, by name; may be empty without an implication.
-            n: The number of samples; None: the number of values.
-            end: The end mode; None if the run was stopped.
-            verdicts: The verdict on each specification.
+        ``samples`` are the values of each variable, n of them or by default all; they may be empty
+        without an implication. ``end`` is None if the run was stopped.
         """
         if not self._any:
             return self._without
@@ -93,15 +83,8 @@ class Judge:
     """Specifications and evaluation options, checked and compiled once for many runs.
 
     Attributes:
-        specs: The specifications by name.
-        reading: The evaluation options.
-        variables: The variables of the specifications, without repetition.
         period: Seconds between samples; None if bounds count samples.
         trigger_counter: Counts how often runs trigger the specifications.
-
-    Args:
-        specs: The specifications by name.
-        reading: The evaluation options, with the period of the samples.
 
     Example:
         >>> import rtamt
@@ -134,3 +117,81 @@ class Judge:
     def end(self, monitor_set: MonitorSet) -> None:
         """Take back the monitors of a finished run, for another run."""
         self._free.append(monitor_set)
+
+
+class MonitorSetValues:
+    """The values of a monitor set as read-only attributes: the base of `rtamt_gym.StepMonitor`.
+
+    It is separate, because modules that recognize such a monitor run without MuJoCo too.
+    """
+
+    monitor_set: MonitorSet
+    _live: Track | None = None
+
+    @property
+    def shown_live(self) -> bool:
+        """Whether a live view shows the samples."""
+        return self._live is not None
+
+    @property
+    def robustness(self) -> float:
+        """The minimum robustness over all specifications if the run ended now.
+
+        It is nan before sample 0. With ``view="step"`` it is the minimum robustness at the newest
+        instant with a complete horizon.
+        """
+        return self.monitor_set.robustness
+
+    @property
+    def lower(self) -> float:
+        """The lower bound of the robustness."""
+        return self.monitor_set.lower
+
+    @property
+    def upper(self) -> float:
+        """The upper bound of the robustness; negative, -0.0 included: a violation is certain."""
+        return self.monitor_set.upper
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on all specifications together."""
+        return min(judge.verdict for _, judge in self.monitor_set.monitors.values())
+
+    @property
+    def violated_by(self) -> str | None:
+        """The specification that was violated first; None without a violation."""
+        return self.monitor_set.violated_by
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None without a violation."""
+        return self.monitor_set.violated_at
+
+    @property
+    def samples(self) -> int:
+        """The number of samples since the reset, including sample 0."""
+        return self.monitor_set.samples
+
+    @property
+    def period(self) -> Fraction | None:
+        """Time between samples, in seconds."""
+        return self.monitor_set.period
+
+    @property
+    def details(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
+        return self.monitor_set.describe()
+
+    @property
+    def outcomes(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
+
+        ``decided_at`` is the sample that decided the verdict; it is absent while the verdict is
+        open. If only the end decided it, ``ended_at`` is the last sample.
+        """
+        return self.monitor_set.outcomes()
+
+    @property
+    def monitors(self) -> Monitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self.monitor_set.monitors)

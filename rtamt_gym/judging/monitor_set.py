@@ -62,21 +62,13 @@ class MonitorSet:
         variables: The variables of each specification.
         of_instant: True if the robustness is the robustness of an instant; otherwise None.
         settled: The number of decided verdicts.
-        number: The class of the numbers of an `Assessment`.
+        number: The class of the numbers of an `Assessment`: ``float`` or ``numpy.float64``.
         violated_by: The specification that was violated first, or None.
         period_number: Seconds between samples; None if bounds count samples. A plain attribute:
             a cached property would slow every other attribute of the object down.
 
-    Args:
-        specs: Specifications by name.
-        reading: The evaluation options.
-        cost: The cost that `take_costs` measures, or None.
-        history: Whether the judges keep their samples, for explanations.
-        number: The class of the numbers of an `Assessment`: ``float`` or ``numpy.float64``.
-
     Raises:
-        SpecificationError: As `make_monitors` and `CostMeter` do.
-        InputError: As `make_monitors` and `CostMeter` do.
+        RtamtError: As `make_monitors`, `CostMeter` and `stage_progress` do.
     """
 
     def __init__(
@@ -247,15 +239,9 @@ class MonitorSet:
     ) -> Feed:
         """Return the function that gives one sample to all monitors.
 
-        It takes the arguments of a `Read`, and returns the minimum robustness, lower bound and
-        upper bound over the specifications.
-
-        Args:
-            names: The signals, among them the variables of all specifications.
-            reads: The readers of the signals; None if the first argument is the sample itself, with
-                a value for each signal.
-            decide: Called after a sample that decides a verdict, instead of `note`.
-            keep: Called with the values of every sample after all monitors took it, in a new list.
+        Without ``reads`` its argument is the sample, a value for each name. ``decide`` replaces
+        `note` after a sample that decides a verdict. ``keep`` gets the values of every sample after
+        all monitors took it.
         """
         note, see = decide or self.note, together(*self._measuring(names), keep)
         joint = None if reads is None else self._joint(names, reads, note, see)
@@ -354,9 +340,9 @@ class MonitorSet:
         self.settled = len(self._settled)
 
     def cut_windows(self) -> frozenset[str]:
-        """Return undecided specifications that the end satisfies as complete, but not as cut.
+        """Return undecided specifications with a bounded window that reaches past the last sample.
 
-        A bounded window of these reaches past the last sample.
+        The end satisfies them as complete, but not as cut.
         """
         return frozenset(
             name
@@ -367,11 +353,7 @@ class MonitorSet:
         )
 
     def finish(self, end: AtTermination | End = "complete") -> Assessment:
-        """End the trace with an end mode; return the assessment.
-
-        ``"failure"`` violates every undecided specification at the last sample, whatever its
-        robustness is.
-        """
+        """End the trace with an end mode; ``"failure"`` violates every undecided specification."""
         was_open = self.undecided
         if end == "failure":
             self._fail()
@@ -526,16 +508,8 @@ def one_by_one(  # noqa: C901 - each part in a function of its own would double 
 ) -> Feed:
     """Return the function that reads a sample and updates one monitor after the other.
 
-    It returns the result of `rtamt.internal.joint_feed` for all monitors.
-
-    Args:
-        parts: For each monitor its update, the index of its only variable, or -1 and a function
-            that selects several, and the judge.
-        size: The number of values of a sample.
-        reads: The readers of the values; None if the first argument is the sample itself.
-        fed: The monitor set of the monitors.
-        note: Called after a sample that decides a verdict.
-        see: Called with the values of every sample after all monitors took it.
+    It returns the result of `rtamt.internal.joint_feed`. A part is the update of a monitor, the
+    index of its only variable, or -1 and a function that selects several, and its judge.
     """
     numbered = list(enumerate(reads or ()))
     elements = [(i, read.index) for i, read in numbered if isinstance(read, ElementRead)]

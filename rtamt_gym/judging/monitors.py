@@ -41,12 +41,7 @@ EXACT: tuple[SemanticsName, ...] = ("standard", "boolean")
 
 
 class Owed(NamedTuple):
-    """The state of an operator: floats, or arrays for a batch.
-
-    Attributes:
-        clock: From 0 to 1.
-        margins: The robustness of its operands.
-    """
+    """The clock of an operator, from 0 to 1, and the robustness of its operands; or arrays."""
 
     clock: Any
     margins: tuple[Any, ...]
@@ -77,10 +72,7 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
 class InstantMonitor:
     """The robustness of a formula at every instant, and a judge of ``always(formula)``.
 
-    Attributes:
-        robustness: The robustness at the newest instant with a complete horizon; before the first,
-            the robustness of the samples so far.
-        judge: The monitor of ``always(formula)`` over the same samples.
+    Before the first instant with a complete horizon, it is the robustness of the samples so far.
     """
 
     def __init__(self, spec: Specification, *, history: bool = False, **options: Any) -> None:  # noqa: ANN401 - of `EpisodeMonitor`
@@ -148,13 +140,8 @@ def make_monitors(
     """Return the monitors of each specification: ``(robustness source, judge)``.
 
     The source takes the samples and has the robustness. The judge has bounds and verdict of the
-    episode; it is the source itself, or the source updates it.
-
-    Args:
-        specs: Specifications by name.
-        reading: The evaluation options.
-        of_episode: Makes the monitor of a specification for ``view="episode"``.
-        of_instants: Makes the monitor of a specification for ``view="step"``.
+    episode; it is the source itself, or the source updates it. ``of_episode`` and ``of_instants``
+    make the source for the two views.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period; if the formula, or an
@@ -242,10 +229,7 @@ def update_of(
 def columns_of(
     monitor: VectorMonitor | VectorEpisodeMonitor, names: Sequence[str]
 ) -> slice | list[int]:
-    """Return the index of a monitor's columns in tables with columns of these names.
-
-    Adjacent columns are a slice, which does not copy.
-    """
+    """Return the index of a monitor's columns in tables: a slice, without a copy, if adjacent."""
     columns = [names.index(name) for name in monitor.variables]
     if columns and columns == list(range(columns[0], columns[-1] + 1)):
         return slice(columns[0], columns[-1] + 1)
@@ -283,16 +267,10 @@ def described(spec: Specification, judge: EpisodeMonitor) -> str:
 
 
 def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str | None) -> str:
-    """Return the name of the specification to explain.
+    """Return the name of the specification to explain; raise InputError for an unknown one.
 
-    Args:
-        name: The requested name; None for the specification that was violated first, otherwise the
-            first with the minimum robustness.
-        robustness: The robustness of each specification.
-        violated_by: The specification that was violated first, or None.
-
-    Raises:
-        InputError: If the specification is unknown.
+    Without a name it is the specification that was violated first; otherwise, the first with the
+    minimum robustness.
 
     Example:
         >>> chosen(None, {"near": 0.5, "slow": 0.0, "upright": -0.0}, None)

@@ -81,8 +81,7 @@ class Obligation:
         kind: The kind of its clock.
         begin: The start of its window, in samples.
         end: The end of its window; None if it is unbounded.
-        instants: The instants where its value counts: where a formula without a future holds, or a
-            member of `Instants`.
+        instants: Where its value counts: where a formula without a future holds, or `Instants`.
     """
 
     formula: Formula
@@ -112,8 +111,7 @@ class Obligation:
 def obligations_of(spec: Specification, reading: EvaluationOptions) -> list[Obligation]:
     """Return the temporal operators below the outermost one, in the order of the text.
 
-    An operator is left out if an operand has an unbounded future, because the operand is never
-    known.
+    An operand with an unbounded future is never known, so its operator is left out.
     """
     top = spec.formula
     while operator_of(top) == "not":
@@ -240,7 +238,7 @@ class _Obligations(Generic[_M]):
         self.found: list[list[Obligation]] = [
             obligations_of(spec, reading) for spec in judged.values()
         ]
-        parts = {
+        parts: dict[tuple[int, Formula], Specification] = {
             (index, part): bare(spec, part)
             for index, (spec, obligations) in enumerate(
                 zip(judged.values(), self.found, strict=True)

@@ -23,11 +23,7 @@ _V = TypeVar("_V")
 def requirement_named(
     text: object, own: Mapping[str, rtamt.Specification]
 ) -> rtamt.Specification | None:
-    """Return the requirement that a text names; None if the text is a specification.
-
-    Args:
-        text: The specification as passed.
-        own: The requirements of the system, by name.
+    """Return the requirement of a system that a text names; None if it is a specification.
 
     Raises:
         InputError: If the text is similar to the name of a requirement, and no variable has it.
@@ -58,11 +54,7 @@ def named_in(text: str, constants: Mapping[str, _V]) -> dict[str, _V]:
 def load_file(
     path: str | Path, constants: Mapping[str, float | str | Fraction]
 ) -> rtamt.Specification:
-    """Return the specification in a file, with the constants that its text names.
-
-    Raises:
-        MissingFileError: If the file does not exist.
-    """
+    """Return the specification in a file, with the constants that its text names."""
     if not constants:
         return rtamt.load(path)
     try:
@@ -83,10 +75,7 @@ ConstantValue = float | str | Fraction
 
 
 def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
-    """Return the attribute ``requirements`` of an environment, such as a scenario of `rtamt_envs`.
-
-    Any environment may have it: ``{"AT1": rtamt.parse("...")}``.
-    """
+    """Return the attribute ``requirements`` of an environment: ``{"AT1": rtamt.parse("...")}``."""
     own = getattr(getattr(env, "unwrapped", env), "requirements", None)
     return own if isinstance(own, Mapping) else {}
 
@@ -187,11 +176,7 @@ def check_period(
 ) -> None:
     """Raise SpecificationError if a specification has bounds and the period is unknown.
 
-    Args:
-        specs: Specifications by name.
-        period: The period, if there is one.
-        system: The system without a period, for the error.
-        why: Why it has no period, for the error.
+    ``why`` is the reason why the system has no period.
     """
     timed = next((name for name, spec in specs.items() if spec.timed), None)
     if period is None and timed is not None:
@@ -209,10 +194,6 @@ class Constants:
     """The specifications of a monitor, for any values of their constants.
 
     The text of each is parsed once, at the first change of a constant.
-
-    Attributes:
-        specs: The specifications by name, with the current values.
-        are_some: Whether any specification has a constant.
 
     Example:
         >>> before = Constants({"near": rtamt.parse("const float d = 2; always(x < d)")})
@@ -245,9 +226,7 @@ class Constants:
         """Return the specifications with these values; other constants keep theirs.
 
         Raises:
-            InputError: If no specification defines or uses a constant.
-            InputTypeError: If the values are not a mapping.
-            SpecificationError: If a value is not a number, or does not fit an interval or a range.
+            RtamtError: If no specification uses a constant, or a value does not fit.
         """
         values = checked_constants(constants)
         if self._templates is None:
@@ -299,21 +278,13 @@ def no_such_constant(name: str, specs: Mapping[str, rtamt.Specification]) -> Inp
 def with_unknown_start(
     reading: EvaluationOptions, signals: Mapping[str, Any], *needs: Argument
 ) -> tuple[EvaluationOptions, bool]:
-    """Return the options of monitors with a first sample that may be unknown.
+    """Return the options of monitors, and whether the reader of the signals must refuse nan.
 
-    These monitors take nan as unknown. If the options refuse nan, the reader of the signals must
-    refuse it.
-
-    Args:
-        reading: The evaluation options.
-        signals: The signals; a pair with None, ``("action[0]", None)``, has an unknown first value.
-        *needs: The arguments that need the robustness of every instant.
-
-    Returns:
-        The options, and whether the reader of the signals must refuse nan.
+    Monitors with a first sample that may be unknown, ``("action[0]", None)``, take nan as unknown.
+    If the options refuse nan, the reader must refuse it.
 
     Raises:
-        InputError: If an argument does not allow an unknown sample.
+        InputError: If an argument in ``needs``, or an option, does not allow an unknown sample.
     """
     from rtamt_gym.signals.signals import unknown_at_reset  # it imports Gymnasium
 

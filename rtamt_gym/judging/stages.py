@@ -146,16 +146,7 @@ def _read(name: str, spec: Specification, texts: Sequence[str]) -> tuple[Formula
 def progress_of(
     spec: Specification, columns: Mapping[str, Floats], reading: EvaluationOptions
 ) -> float | None:
-    """Return the progress of a trace of samples; None if the requirement has no stages.
-
-    Args:
-        spec: The requirement.
-        columns: The values of its variables, and of others.
-        reading: The evaluation options, with the period.
-
-    Raises:
-        RtamtError: As `stages_of` does.
-    """
+    """Return the progress of a trace of samples; None if the requirement has no stages."""
     if not stages_of({"": spec}, reading):
         return None
     judge = EpisodeMonitor(spec, **reading.from_monitors({"": spec})[""])
@@ -179,16 +170,8 @@ def progress_of_events(
     """Return the progress of a trace in dense time, or None.
 
     Signals are constant between events, so that stages without temporal operators are reached at
-    events. None if stages, or the operators between them, have times of their own.
-
-    Args:
-        spec: The requirement.
-        signals: Times and values of the events of its variables, all of them known.
-        reading: The evaluation options.
-        satisfied: Whether the requirement is satisfied.
-
-    Raises:
-        RtamtError: As `stages_of` does.
+    events. None if stages, or the operators between them, have times of their own. ``signals`` are
+    the times and values of the events of its variables, all of them known.
     """
     staged = stages_of({"": spec}, reading).get("")
     if staged is None or staged.deciders:
@@ -217,13 +200,7 @@ def progress_of_events(
 
 
 class _Monitors(NamedTuple, Generic[_M]):
-    """The monitors of a requirement with stages.
-
-    Attributes:
-        deciders: The monitors of the formulas that decide stages, as in `Stages`.
-        alone: The monitor of ``eventually(stage)`` for each stage.
-        judge: The monitor of the requirement.
-    """
+    """The monitors of the deciders of a requirement, of ``eventually(stage)``, and its judge."""
 
     deciders: list[_M]
     alone: list[_M]
@@ -260,13 +237,8 @@ def _place(
 ) -> Entrywise:
     """Return the progress at a sample, without the progress before it.
 
-    Args:
-        reached: The number of decided stages.
-        count: The number of stages.
-        height: The robustness of the next stage.
-        began: Its first finite robustness, below 0.
-        minimum: Returns the minimum of two values.
-        maximum: Returns the maximum of two values.
+    ``height`` is the robustness of the stage after the ``reached`` ones, and ``began`` its first
+    finite robustness, below 0.
     """
     share = maximum(1.0 - minimum(height, 0.0) / began, 0.0)
     return minimum((reached + share) / count, math.nextafter((reached + 1) / count, 0.0))
@@ -286,10 +258,7 @@ def stage_progress(
 ) -> dict[str, StageProgress]:
     """Return the progress in one environment of each requirement with stages, by its name.
 
-    Args:
-        specs: The specifications by name.
-        judges: The monitor of each, which takes a sample before its progress does.
-        reading: The evaluation options, with the stages that are named.
+    A judge takes a sample before the progress of its specification does.
 
     Raises:
         RtamtError: As `stages_of` does, or if stages cannot be compiled.

@@ -39,12 +39,7 @@ Numbers = NDArray[np.int64]
 class VectorMonitorSet:
     """`MonitorSet` for a batch: its arrays have an element for every environment.
 
-    It takes the arguments of `MonitorSet`, the number of environments, and the names of the columns
-    of the tables.
-
-    Attributes:
-        monitors: The monitors of each specification: ``(robustness source, judge)``.
-        robustness: The minimum robustness over the specifications.
+    ``columns`` names the columns of the tables.
     """
 
     def __init__(
@@ -230,10 +225,7 @@ class VectorMonitorSet:
             self.robustness = least([source.robustness for source in self._sources])
 
     def take_costs(self, stepped: Entries | None) -> dict[str, Floats] | None:
-        """Return the costs of the step of the environments in the mask; None: of all.
-
-        None if nothing measures costs.
-        """
+        """Return the costs of the step of the environments in the mask, or None without costs."""
         return None if self._meter is None else self._meter.take(self._log.violated, stepped)
 
     @property
@@ -275,12 +267,7 @@ class VectorMonitorSet:
         )
 
     def values_at(self, index: int) -> tuple[list[float], list[Verdict]]:
-        """Return values of one environment.
-
-        Returns:
-            Robustness, lower and upper bound of each specification, one after the other; and the
-            verdicts.
-        """
+        """Return robustness and bounds of each specification in one environment, and verdicts."""
         curves: list[float] = []
         verdicts: list[Verdict] = []
         failed = self._log.failed

@@ -23,14 +23,7 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 @dataclass(frozen=True, slots=True)
 class CurvePanel:
-    """The content of one panel.
-
-    Attributes:
-        title: Its name.
-        key: The end of the keys of its curve, in evaluations and in training.
-        low: The end of the keys of the lower edge of the band of one log.
-        high: The end of the keys of its upper edge.
-    """
+    """A panel: its title, and the ends of the keys of its curve and of the edges of its band."""
 
     title: str
     key: Sequence[str]
@@ -54,12 +47,8 @@ PANELS = (
 class CurveBand:
     """A curve with a band.
 
-    Attributes:
-        steps: The steps of training.
-        middle: The curve: the value of one log, or the mean of several.
-        low: The lower edge: the bound of one log, or the minimum of several.
-        high: The upper edge.
-        counts: The number of logs that have a value at each step.
+    Several logs have the mean as their curve, and minimum and maximum as their band. ``counts`` is
+    the number of logs with a value at each step.
     """
 
     steps: NDArray[np.float64]
@@ -95,12 +84,7 @@ def band_of(
 
     A log has a value from its first to its last step, on a line between its points. Where several
     logs have values, the curve is their mean, and the band reaches from the minimum to the maximum.
-
-    Args:
-        logs: The logs of one method, such as one for each seed.
-        panel: The panel.
-        requirement: The requirement; `ALL` for all together.
-        kind: ``"evaluation"`` or ``"training"``.
+    ``kind`` is ``"evaluation"`` or ``"training"``.
 
     Example:
         >>> short, long = (np.zeros(1), np.ones(1)), (np.array([0.0, 2.0]), np.array([0.0, 1.0]))
@@ -156,11 +140,8 @@ def draw_training(
 ) -> Figure:
     """Draw logs of training: a column for each requirement, a colour for each group.
 
-    Lines are evaluations; dotted lines are episodes of training.
-
-    Args:
-        groups: The logs of each method by its name; the curve of several logs is their mean.
-        columns: The requirements, with `ALL` for all of them together. Default: all columns.
+    Lines are evaluations; dotted lines are episodes of training. The curve of several logs is their
+    mean. By default it draws all columns.
     """
     logs = [log for group in groups.values() for log in group]
     columns = columns_of(logs) if columns is None else columns

@@ -33,12 +33,7 @@ _STEPS: Final = (
 
 @dataclass(frozen=True)
 class TrainingLog:
-    """The metrics of one training.
-
-    Attributes:
-        name: The folder of the log.
-        curves: The metrics by key, as ``stl/satisfied``.
-    """
+    """The metrics of one training by key, as ``stl/satisfied``, and the folder of its log."""
 
     name: str
     curves: Mapping[str, StepCurve]
@@ -48,11 +43,8 @@ def training_logs(folder: Path, notes: list[str] | None = None) -> list[Training
     """Return the logs in a folder and in all folders in it, each folder with files as one log.
 
     Where a CSV file and an event file have one key, the CSV file counts. A link to a file or folder
-    in the same folder, as W&B makes them, is not another log.
-
-    Args:
-        folder: The folder.
-        notes: Sentences about files and cells that are left out are appended to this list.
+    in the same folder, as W&B makes them, is not another log. Sentences about what is left out are
+    appended to ``notes``.
 
     Raises:
         InputError: If the folder has no log, or no log has metrics of satisfaction.

@@ -79,18 +79,11 @@ def as_trained(model: Any) -> Any:  # noqa: ANN401 - a model, or an `AsTrained`
 
 
 class AsTrained:
-    """A model that predicts from observations without wrappers.
-
-    Args:
-        model: The model.
-        venv: The innermost vector environment of its training.
-        layers: The effects of the wrappers, the innermost first.
+    """A model that predicts from observations without wrappers, whose effects are ``layers``.
 
     Attributes:
         name: The name of the algorithm, for evaluations.
         policy: The network, with weights that identify the model, or None.
-        observation_space: The observations of an environment without the wrappers.
-        action_space: The actions of the model.
     """
 
     def __init__(self, model: Any, venv: VecEnv, layers: list[Layer]) -> None:  # noqa: ANN401

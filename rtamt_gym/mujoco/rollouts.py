@@ -107,8 +107,7 @@ def _indices(
 ) -> dict[str, int]:
     """Return the index of every signal in a row of states and sensor data.
 
-    Every number of a simulation is set to a unique value, which identifies the number that a
-    selector reads.
+    Every number of a simulation is set to a unique value, which identifies what a selector reads.
     """
     data = mujoco.MjData(model)
     counts = [1, model.nq, model.nv, model.na, model.nsensordata]

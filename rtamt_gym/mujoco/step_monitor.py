@@ -17,10 +17,9 @@ from rtamt import InputError, StateError, Verdict
 from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.judge import Judging, MonitorSetValues
 from rtamt_gym.judging.monitor_set import Assessment, Feed, MonitorSet, SeeValues
 from rtamt_gym.judging.specs import SpecsLike, load_specs
-from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
@@ -395,11 +394,7 @@ class StepMonitor(MonitorSetValues):
     def _check_timestep(self) -> None:
         """Refuse a timestep other than the period, or warn where bounds do not depend on it.
 
-        An explicit period is the user's decision, so a difference is a warning. A period of 1
-        counts steps.
-
-        Raises:
-            StateError: If the period was read from the model and a specification has bounds.
+        An explicit period is the user's decision, so a difference is a warning. 1 counts steps.
         """
         timestep, period = float(self.model.opt.timestep), self.monitor_set.period
         if timestep == self._seen_timestep or period is None:
@@ -493,13 +488,7 @@ class StepMonitor(MonitorSetValues):
 
 @dataclass(slots=True)
 class StepClock:
-    """The times of samples, counted from the last checked sample.
-
-    Attributes:
-        time: Time of the last checked sample, in seconds.
-        sample: Number of the last checked sample.
-        timestep: Seconds between samples.
-    """
+    """The times of samples, counted from the last checked sample; in seconds."""
 
     time: float = math.nan
     sample: int = 0
@@ -547,9 +536,9 @@ def renderer(model: Any, data: Any) -> Callable[[], Any]:
 def attached(data: Any, offer: Callable[[], None], last: Callable[[], None]) -> Iterator[None]:
     """Call ``offer`` for states of a simulation in this context, by ``mjcb_control``.
 
-    A process has one callback: the callback that was set before is called first, and is set again
-    at the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the
-    offers, and is raised at the end of the context. ``last`` is called after the last step.
+    The callback that was set before is called first. An exception of ``offer`` does not pass
+    through MuJoCo: the first one is raised at the end of the context. ``last`` is called after the
+    last step.
     """
     before = mujoco.get_mjcb_control()
     controller = _called_from_python(before)

@@ -33,10 +33,15 @@ from rtamt_gym.play.runner import CaseLike, Requirements, Runner, load_requireme
 from rtamt_gym.play.simulate import Simulator
 from rtamt_gym.play.simulation import Simulation
 from rtamt_gym.signals.columns import SignalColumns
-from rtamt_gym.signals.periods import ask_another, read_period, warn_of_unverified_period
+from rtamt_gym.signals.periods import (
+    StepTime,
+    StepTimes,
+    ask_another,
+    read_period,
+    warn_of_unverified_period,
+)
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.signals.step_time import StepTime, StepTimes
 from rtamt_gym.signals.taps import VectorTap, rescaling, tapped
 from rtamt_gym.systems.environment import with_own_monitor
 from rtamt_gym.systems.policies import Model, PolicyBatch, SeededPolicy, evaluated

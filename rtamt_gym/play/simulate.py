@@ -14,7 +14,7 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_known
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case, Waveform
-from rtamt_gym.judging.judge import Judge, TriggerCounter
+from rtamt_gym.judging.judge import Judge, MonitorSetValues, TriggerCounter
 from rtamt_gym.judging.specs import (
     SpecsLike,
     check_period,
@@ -22,7 +22,6 @@ from rtamt_gym.judging.specs import (
     own_requirements,
     with_unknown_start,
 )
-from rtamt_gym.mujoco.values import MonitorSetValues
 from rtamt_gym.options.evaluation import (
     EvaluationKeywords,
     EvaluationOptions,

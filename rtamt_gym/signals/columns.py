@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rtamt import InputError, RtamtError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.signals import AbsentError, Batched, ParsedSignal, Step, batch_of_one
-from rtamt_gym.signals.spaces import fit
+from rtamt_gym.signals.sources import fit
 
 Batch = VectorEnv[Any, Any, Any]
 Floats = NDArray[np.float64]
@@ -40,16 +40,9 @@ _RESET_EARLY = "AutoresetMode.SAME_STEP they are reset before the end is seen"
 class SignalColumns:
     """Reads the signals of all environments at once.
 
-    Args:
-        signals: The signals, in the order of the columns.
-        env: The vector environment.
-        same_step: Whether it resets an environment in the step that ends its episode.
-        compare: Whether the first calls of functions that are marked with
-            `rtamt_gym.wrappers.batched` are compared with calls for each environment.
-
-    Attributes:
-        reads_obs: Whether a signal reads observations.
-        reads_info: Whether a signal reads infos.
+    With ``compare``, the first calls of functions that are marked with `rtamt_gym.wrappers.batched`
+    are compared with calls for each environment. ``same_step``: the environment resets in the step
+    that ends an episode.
 
     Raises:
         InputError: If a selector does not fit the environment.
@@ -80,10 +73,7 @@ class SignalColumns:
         infos: dict[str, Any],
         begun: Entries | None = None,
     ) -> Floats:
-        """Read the signals from a step: an array with a row for every environment.
-
-        The step has reset the environments ``begun``: their rows hold first samples of episodes.
-        """
+        """Read the signals from a step; ``begun`` are environments that it has reset."""
         entries = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
         reset = step if begun is None else Step(obs, None, None, infos, self._env)
@@ -135,16 +125,7 @@ class SignalColumns:
         return np.empty((len(self._signals), len(self._all))).T
 
     def check_untouched(self, table: Floats, before: Floats, others: Entries) -> None:
-        """Refuse a reset that has changed the observations of environments outside its mask.
-
-        Args:
-            table: The signals after the reset.
-            before: The signals before it.
-            others: The environments outside the mask.
-
-        Raises:
-            StateError: If a signal of an environment outside the mask has changed.
-        """
+        """Raise StateError if a reset has changed observations of environments outside its mask."""
         now, then = table[:, self._observed], before[:, self._observed]
         changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
         touched = np.logical_and(others, changed)
@@ -279,8 +260,7 @@ def _from_infos(signal: ParsedSignal, infos: dict[str, Any], entries: Entries) -
 class _Singles:
     """Splits a step of a vector environment into steps of single environments, once per step.
 
-    The split lasts until `forget`. A reset has no actions and rewards; it shares observations and
-    infos with the step.
+    A reset shares observations and infos with the step; it has no actions and rewards.
     """
 
     def __init__(self, env: Any, *, same_step: bool) -> None:
@@ -377,10 +357,7 @@ class _EachRead:
 
 
 class _BatchRead:
-    """Reads a function of all environments.
-
-    Its first calls, at a reset and at a step, are compared with calls for each environment.
-    """
+    """Reads a function of all environments; its first calls may be compared."""
 
     def __init__(self, signal: ParsedSignal, singles: _Singles, *, compare: bool) -> None:
         self._signal, self._singles = signal, singles

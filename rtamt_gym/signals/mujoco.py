@@ -31,12 +31,7 @@ def check_pair(model: object, data: object) -> None:
 
 
 def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:
-    """Return the function that reads a signal from ``data``.
-
-    Raises:
-        InputError: If the name, the field or the index does not exist; the message lists the
-            existing ones.
-    """
+    """Return the function that reads a signal from ``data``; an InputError lists what exists."""
     if isinstance(signal.reads, Selector):
         return _bind_selector(f"signal {signal.name!r}", signal.reads, model, data)
     return lambda *_: signal.number(signal.call(model, data))
@@ -71,11 +66,7 @@ def _bind_selector(owner: str, selector: Selector, model: Any, data: Any) -> Num
 
 
 def index_in(owner: str, selector: Selector, size: int) -> int:
-    """Return the index of a selector in an array; a single number needs no index.
-
-    Raises:
-        InputError: If the selector does not have one index, or the index is out of range.
-    """
+    """Return the index of a selector in an array; a single number needs no index."""
     path = selector.path
     if not path and size == 1:
         return 0
@@ -89,11 +80,7 @@ def index_in(owner: str, selector: Selector, size: int) -> int:
 
 
 def field_of(owner: str, selector: Selector, holder: Any) -> Any:
-    """Return the array of a named object's field, in a model or its data.
-
-    Raises:
-        InputError: If the object or its field does not exist.
-    """
+    """Return the array of a named object's field, in a model or its data."""
     named = _named(owner, selector, selector.source, selector.names[0], holder)
     fields = fields_of(named)
     field = selector.field or "data"

@@ -27,7 +27,7 @@ class Syntax:
         example: A selector, for messages.
         names: The maximum number of names after the colon.
         field: Whether a field follows.
-        brackets: The contents of the brackets: indices and keys, or a key first.
+        brackets: Whether a key comes first in the brackets.
         common: Whether hints show the example.
     """
 
@@ -40,15 +40,7 @@ class Syntax:
 
 @dataclass(frozen=True, slots=True)
 class Selector:
-    """A parsed selector.
-
-    Attributes:
-        source: The first word.
-        names: The names after the colon.
-        field: The word after the dot, or an empty string.
-        path: The indices and keys in brackets.
-        agent: The agent, or an empty string.
-    """
+    """A parsed selector: a word, names, a field or "", indices and keys, an agent or ""."""
 
     source: str
     names: tuple[str, ...] = ()
@@ -72,12 +64,6 @@ def parse_selector(
     owner: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
 ) -> Selector:
     """Parse a selector; with agents, it starts with an agent.
-
-    Args:
-        owner: The owner of the selector, for messages, such as ``"signal 'x'"``.
-        text: The selector.
-        sources: The words that it may start with.
-        agents: The agents, if there are any.
 
     Raises:
         InputError: On a syntax error, with the column, the expected text and a caret.

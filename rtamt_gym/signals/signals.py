@@ -52,11 +52,7 @@ Number = Callable[..., float]
 
 @dataclass(frozen=True, slots=True)
 class ElementRead:
-    """A `Read` of one element of the observation, which C++ reads without a call.
-
-    Attributes:
-        index: The index or key of the element.
-    """
+    """A `Read` of one element of the observation, which C++ reads without a call."""
 
     index: Any
 
@@ -69,10 +65,8 @@ class ElementRead:
 class SlotRead:
     """A `Number` in an array that a simulation updates, which C++ reads without a call.
 
-    Attributes:
-        array: The array, of one dimension. A ``memoryview`` would crash Python before 3.11.8 if the
-            collector cleared it while something else still reads it.
-        index: The index of the element, 0 or more.
+    A ``memoryview`` would crash Python before 3.11.8 if the collector cleared it while something
+    else still reads it.
     """
 
     array: NDArray[np.float64]
@@ -86,12 +80,8 @@ class SlotRead:
 class MovingRead:
     """A `Number` of a simulation that may replace its arrays.
 
-    Attributes:
-        home: Returns the object that holds the arrays now.
-
-    Args:
-        home: As above.
-        bind: Returns a function that reads the number from the current arrays.
+    ``home`` returns the object that holds the arrays now; ``bind`` returns a function that reads
+    them.
     """
 
     def __init__(self, home: Callable[[], object], bind: Callable[[], Number]) -> None:
@@ -141,10 +131,8 @@ SignalLike = str | Callable[[Step], float] | Sequence[Any]
 class Source(Syntax):
     """The first word of selectors.
 
-    Attributes:
-        bind: Returns the function that reads a signal with this selector from an environment.
-        at_reset: Whether a reset provides a value; ``"maybe"``: the function raises `AbsentError`
-            if it does not.
+    ``bind`` returns the function that reads a signal from an environment. ``at_reset`` is whether a
+    reset provides a value; ``"maybe"``: the function raises `AbsentError` if it does not.
     """
 
     bind: Callable[[ParsedSignal, Env], Read]
@@ -156,11 +144,7 @@ class AbsentError(InputError):
 
 
 class Batched:
-    """A function that reads all environments at once; `batched` returns one.
-
-    Attributes:
-        function: The function.
-    """
+    """A function that reads all environments at once; `batched` returns one."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.function = function
@@ -283,13 +267,7 @@ class ParsedSignal:
         sources: Mapping[str, Source],
         agents: Collection[str] = (),
     ) -> ParsedSignal:
-        """Parse an entry of ``signals=``; with agents, a selector starts with an agent.
-
-        Raises:
-            InputError: On a syntax error, a default of nan, a missing default, or a default that
-                hides a value of the reset.
-            InputTypeError: If it is not a selector, a function, or a pair.
-        """
+        """Parse an entry of ``signals=``; an InputError explains what does not fit."""
         default = None
         # JSON has no tuples: an environment that is remade from its EnvSpec has lists.
         if isinstance(value, list | tuple) and len(value) == 2:
@@ -341,11 +319,7 @@ class ParsedSignal:
         return self.row is not None and self.row.at_reset == "maybe"
 
     def bind(self, env: Env) -> Read:
-        """Return the function that reads the signal from a step of an environment.
-
-        Raises:
-            InputError: If the selector does not fit the environment.
-        """
+        """Return the function that reads the signal from a step of an environment."""
         read = self._bound(env)
         if not self.refuses_nan:
             return read
@@ -375,10 +349,7 @@ class ParsedSignal:
         )
 
     def bind_reset(self, env: Env) -> Read:
-        """Return the function that reads the signal at reset: its default, if it has one.
-
-        The default of an info stands in for a key that the info of the reset lacks.
-        """
+        """Return the function that reads the signal at reset: its default, if it has one."""
         default = self.default
         if default is not None and not self.maybe_at_reset:
             return lambda *_: default
@@ -436,15 +407,7 @@ class ParsedSignal:
         return InputError(f"signal {self.name!r}: {self} raised {phrase}")
 
     def number(self, value: object, fix: str = "") -> float:
-        """Return the value as a float.
-
-        Args:
-            value: The value.
-            fix: The end of the error message; by default a hint to choose an element.
-
-        Raises:
-            InputTypeError: If it is not a number.
-        """
+        """Return the value as a float; ``fix`` ends the error about anything else."""
         if not isinstance(value, _NUMBERS) and not _is_scalar(value):
             nested = isinstance(value, np.ndarray | list | tuple) and np.size(value)
             if not fix and nested and isinstance(self.reads, Selector):
@@ -455,11 +418,7 @@ class ParsedSignal:
         return float(cast("float", value))
 
     def numbers(self, values: object, num: int) -> NDArray[Any]:
-        """Return the values of ``num`` environments as an array.
-
-        Raises:
-            InputTypeError: If they are not a number for each environment.
-        """
+        """Return the values of ``num`` environments as an array, or raise InputTypeError."""
         column = np.asarray(values)
         if column.shape != (num,) or column.dtype.kind not in "biuf":
             raise InputTypeError(
@@ -498,16 +457,10 @@ def parse_signals(
     own: Mapping[str, Any] | None = None,
     refuse_nan: bool = False,
 ) -> tuple[ParsedSignal, ...]:
-    """Parse ``signals=``: the signals of the variables in their order, then all others.
+    """Parse ``signals=``: the signals of the variables, then all others if ``extra``.
 
-    Args:
-        signals: A `SignalLike` for every variable.
-        variables: Names that the specifications read.
-        sources: The words that selectors may start with.
-        agents: The agents; if there are any, each selector starts with an agent.
-        extra: Whether signals that no specification reads are recorded.
-        own: The environment's own signals, for variables that ``signals`` does not name.
-        refuse_nan: Whether a nan is an error.
+    ``own`` has the environment's own signals, for variables that ``signals`` does not name. With
+    agents, each selector starts with an agent.
 
     Raises:
         InputError: If a variable has no signal, or if a signal's name is close to a variable

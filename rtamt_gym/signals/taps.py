@@ -18,9 +18,7 @@ from rtamt_gym.signals.signals import ParsedSignal
 class Tap(gym.Wrapper[Any, Any, Any, Any]):
     """A wrapper that keeps the last results of an environment.
 
-    Attributes:
-        seen: Observation, action, reward and info of the last step; action and reward are None
-            after a reset.
+    ``seen`` are observation, action, reward and info; after a reset, action and reward are None.
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
@@ -95,14 +93,7 @@ _RESCALING = (
 def rescaling(env: Any, signals: Sequence[ParsedSignal], *, below: bool, rescaled: bool) -> Any:
     """Return the innermost wrapper that rescales observations, if signals are read below it.
 
-    Args:
-        env: The environment.
-        signals: The signals.
-        below: Whether they are read beneath these wrappers, in the ``env`` of the returned one.
-        rescaled: Whether they are read from the rescaled observations.
-
-    Returns:
-        The wrapper; None if the signals are read in ``env``.
+    None: the signals are read in ``env``; with ``rescaled``, from the rescaled observations.
 
     Raises:
         InputError: If a signal would read rescaled observations and neither option is set; if both

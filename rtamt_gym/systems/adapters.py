@@ -18,7 +18,7 @@ from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.mujoco.values import MonitorSetValues
+from rtamt_gym.judging.judge import MonitorSetValues
 from rtamt_gym.systems.environment import Environment
 from rtamt_gym.systems.system import (
     Drivable,

@@ -24,11 +24,9 @@ from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.monitor_set import Feed, MonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions, refuse_other
-from rtamt_gym.signals.periods import read_period
+from rtamt_gym.signals.periods import StepTime, read_period
 from rtamt_gym.signals.signals import SignalLike, checked_mapping, own_signals, parse_signals
-from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.signals.spaces import described
-from rtamt_gym.signals.step_time import StepTime
+from rtamt_gym.signals.sources import SOURCES, described
 from rtamt_gym.signals.taps import Tap, rescaling, tapped
 from rtamt_gym.systems.system import (
     Policy,

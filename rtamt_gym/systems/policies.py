@@ -29,7 +29,7 @@ from gymnasium.vector.utils import concatenate, create_empty_array
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.spaces import described
+from rtamt_gym.signals.sources import described
 from rtamt_gym.systems.registry import find_object, line_in
 from rtamt_gym.systems.system import Policy, exited
 

@@ -107,10 +107,8 @@ def _forget_in_statistics(statistics: gym.wrappers.RecordEpisodeStatistics[Any, 
 class _Kind(NamedTuple):
     """A class of wrappers that count episodes.
 
-    Attributes:
-        attributes: The attributes that identify it.
-        returns: The attribute with the returns of episodes.
-        forget: Removes the last step from the counts; returns its reward for the repetition.
+    It is known by its ``attributes``; ``returns`` is the attribute with the returns of episodes.
+    ``forget`` removes the last step from the counts, and returns its reward for the repetition.
     """
 
     attributes: tuple[str, ...]

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, get_args
 
 from rtamt import Explanation, Specification, StateError
 from rtamt_gym.judging.end_warnings import assumed
 from rtamt_gym.judging.infos import last_info, present, record
-from rtamt_gym.judging.monitor_set import Assessment, Feed, Monitors, MonitorSet, SeeValues
+from rtamt_gym.judging.monitor_set import (
+    Assessment,
+    Feed,
+    Monitors,
+    MonitorSet,
+    SeeValues,
+    together,
+)
 from rtamt_gym.judging.monitors import chosen, titled
-from rtamt_gym.signals.signals import Env, ParsedSignal, Read
-from rtamt_gym.signals.step_time import StepTime
+from rtamt_gym.signals.periods import StepTime
 from rtamt_gym.signals.taps import Tap
 from rtamt_gym.wrappers.monitoring import Monitoring, OnViolation, check_pictures
 
@@ -122,9 +128,8 @@ class EpisodeMonitoring(Monitoring):
         return MonitorSet(specs, self._of_monitors, self._cost, history=self._history)
 
     def _bind_signals(self) -> None:
-        signals = self._readings()
-        names = [signal.name for signal in signals]
-        tap, feeder, keep = self._beneath, self._monitor_set.feeder, self._shown()
+        signals, names = self._signals, self.signal_names
+        tap, feeder, keep = self._beneath, self._monitor_set.feeder, self._keep()
         env = self.env if tap is None else tap.env
         feed = feeder(names, [signal.bind(env) for signal in signals], keep=keep)
         feed_reset = feeder(names, [signal.bind_reset(env) for signal in signals], keep=keep)
@@ -144,12 +149,16 @@ class EpisodeMonitoring(Monitoring):
         if live.pictures is not None:
             track.draw(self.env.render, live.pictures)
 
-    def _shown(self) -> SeeValues | None:
-        """Return the function that shows the values of a sample in the live view, or None."""
+    def _keep(self) -> SeeValues | None:
+        """Return the function that shows and records the values of a sample, or None."""
+        newest, names = self._newest, self.signal_names
+        record: SeeValues | None = None
+        if newest is not None:
+            record = partial(_record, newest, names)
         if self._live is None:
-            return None
+            return record
         self._live.follow(self._monitor_set.monitors)
-        return self._live.sample
+        return together(record, self._live.sample)
 
     def _compared(self, feed: Feed, *, substeps: bool = False) -> Feed:
         """Return a `Feed` that also compares the time in the first steps of an episode."""
@@ -167,27 +176,11 @@ class EpisodeMonitoring(Monitoring):
         return compare_and_feed if time.left else feed
 
     def _begin_times(self) -> None:
-        """Compare the period after a reset of the environment, at the time of sample 0.
-
-        Raises:
-            StateError: If the environment has changed its period since construction.
-        """
+        """Compare the period after a reset of the environment, at the time of sample 0."""
         if self._time is not None:
             self._time.begin()
             if self._time.left:
                 self._feed = self._comparing
-
-    def _readings(self) -> Sequence[ParsedSignal]:
-        """Return the signals, which record their values after a call of `newest_signals`."""
-        newest = self._newest
-        if newest is None:
-            return self._signals
-        return [
-            _Recorded(
-                signal.name, signal.reads, signal.default, signal.row, signal.refuses_nan, newest
-            )
-            for signal in self._signals
-        ]
 
     def _resume(self) -> None:
         """Go on with the episode of a copy, or refuse a step without an episode."""
@@ -257,28 +250,10 @@ class EpisodeMonitoring(Monitoring):
         return running
 
 
+def _record(newest: dict[str, float], names: Sequence[str], values: Sequence[float]) -> None:
+    newest.update(zip(names, values, strict=True))
+
+
 def _fed_by(tap: Tap, feed: Feed) -> Feed:
     """Return a `Feed` of the last results of a tap, which ignores its arguments."""
     return lambda *_: feed(*tap.seen)
-
-
-@dataclass(frozen=True, slots=True)
-class _Recorded(ParsedSignal):
-    """A signal that records its newest value: it is read once, for all readers."""
-
-    newest: dict[str, float] = field(default_factory=dict)
-
-    def bind(self, env: Env) -> Read:
-        return self._recording(ParsedSignal.bind(self, env))
-
-    def bind_reset(self, env: Env) -> Read:
-        return self._recording(ParsedSignal.bind_reset(self, env))
-
-    def _recording(self, read: Read) -> Read:
-        newest, name = self.newest, self.name
-
-        def read_and_record(obs: Any, action: Any, reward: Any, info: Any) -> float:
-            value = newest[name] = read(obs, action, reward, info)
-            return value
-
-        return read_and_record

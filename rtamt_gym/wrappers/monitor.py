@@ -311,7 +311,7 @@ class StlMonitor(
         if not self._substeps:
             super()._bind_signals()
             return
-        self._inside = SubSteps(self.env, self._readings(), self._monitor_set, self._shown())
+        self._inside = SubSteps(self.env, self._signals, self._monitor_set, self._keep())
         self._feed: Feed = self._compared(self._monitor_set.read, substeps=True)
         self._feed_reset: Feed = self._inside.reset
 

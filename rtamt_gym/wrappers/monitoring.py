@@ -44,6 +44,8 @@ from rtamt_gym.judging.specs import (
 from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.options.evaluation import AtTermination, EvaluationKeywords, EvaluationOptions
 from rtamt_gym.signals.periods import (
+    ReadPeriod,
+    StepTime,
     ask_another,
     clock_of,
     read_period,
@@ -58,7 +60,6 @@ from rtamt_gym.signals.signals import (
     parse_signals,
 )
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.signals.step_time import ReadPeriod, StepTime
 from rtamt_gym.signals.taps import rescaling, tapped
 from rtamt_gym.wrappers.episode_counters import counts_episodes
 from rtamt_gym.wrappers.observing import Observing
@@ -233,8 +234,7 @@ class Monitoring(Observing):
     def _refuse_constants_around(self) -> None:
         """Refuse other values of constants in an attribute of an outer wrapper.
 
-        ``wrapper.constants = ...`` sets an attribute of the outermost wrapper, as ``set_attr`` of
-        Stable-Baselines3 does, and changes no specification.
+        ``set_attr`` of Stable-Baselines3 sets it, which changes no specification.
         """
         constants = self._constants if self._next is None else self._next.constants
         if not constants.are_some:
@@ -251,10 +251,7 @@ class Monitoring(Observing):
                 )
 
     def _warn_of_unseen_end(self, *, unended: bool) -> None:
-        """Warn once that an outer wrapper may have ended an episode that was running at a reset.
-
-        Without an outer wrapper that can end episodes, the program itself resets early.
-        """
+        """Warn once that an outer wrapper may have ended an episode that was running at a reset."""
         if not unended or self._warned_of_unseen_end:
             return
         around = next((item for item in wrappers_around(self) if _can_end(item)), None)
@@ -339,11 +336,7 @@ class Monitoring(Observing):
         return self._monitor_set.values()
 
     def track_obligations(self) -> list[list[Obligation]]:
-        """Track pending obligations from the next reset on; `values` includes them then.
-
-        Returns:
-            The temporal operators below the top of each specification.
-        """
+        """Track pending obligations from the next reset on; return the operators of each spec."""
         operators = self._monitor_set.track_obligations()
         if self._next is not None:
             self._next.monitor_set.track_obligations()
@@ -394,14 +387,10 @@ class Monitoring(Observing):
         self._bind_signals()
 
     def _resumes(self) -> bool:
-        """Whether a step may continue the episode of a copy.
+        """Whether a step may continue the episode of a copy; StateError if its environment lost it.
 
         `gymnasium.utils.EzPickle` copies an environment by calling its constructor, because the
-        state of MuJoCo, Box2D or Atari is outside Python. The monitor is copied with its samples,
-        so it would continue an episode that its environment has lost.
-
-        Raises:
-            StateError: If the environment of the copy has lost the episode.
+        state of MuJoCo, Box2D or Atari is outside Python. The monitor is copied with its samples.
         """
         if self._lost is None:
             return False
@@ -495,11 +484,7 @@ def _refuse_monitored(env: Any) -> None:
 
 
 def violation_words(words: object, specs: Collection[str]) -> dict[str, OnViolation]:
-    """Return the word for each requirement.
-
-    Raises:
-        InputError: On an unknown word, an unknown requirement, or a missing one.
-    """
+    """Return the word for each requirement, or raise InputError."""
     choices = get_args(OnViolation)
     if not isinstance(words, Mapping):
         check_choice("on_violation", words, choices)

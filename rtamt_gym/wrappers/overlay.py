@@ -199,12 +199,7 @@ def _clears_at_reset(env: gym.Env[Any, Any]) -> bool:
 
 
 def _rounded(size: float) -> float:
-    """Return the next of ..., 0.5, 1, 2, 5, 10, ... that is at least the size.
-
-    Example:
-        >>> _rounded(0.209), _rounded(1.0), _rounded(37.0)
-        (0.5, 1.0, 50.0)
-    """
+    """Return the next of ..., 0.5, 1, 2, 5, 10, ... that is at least the size."""
     power = 10.0 ** math.floor(math.log10(size))
     return next(round(step * power, 12) for step in (1, 2, 5, 10) if step * power >= size)
 
@@ -230,9 +225,7 @@ _CLEAR = 5
 class Gauge(NamedTuple):
     """The state of a specification, if the episode ended now.
 
-    Attributes:
-        scale: The robustness at the right end of the bar; its negative is at the left end.
-        by_end: Whether the end alone violates it.
+    ``scale`` is the robustness at the right end of the bar; ``by_end``: the end alone violates it.
     """
 
     robustness: float

@@ -295,12 +295,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
 
 
 def _agents(env: Any) -> dict[str, Hashable]:
-    """Return the agents of an environment, by the names that selectors use.
-
-    Raises:
-        InputTypeError: If it does not have PettingZoo's parallel API.
-        InputError: If it does not list its agents.
-    """
+    """Return the agents of an environment, by the names that selectors use; refuse others."""
     if isinstance(env, gym.Env):
         raise InputTypeError(
             f"expected a parallel environment of PettingZoo, got {env}, which has one agent; "

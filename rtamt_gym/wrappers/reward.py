@@ -36,11 +36,10 @@ from rtamt_gym.shaping import (
 from rtamt_gym.signals.columns import Batch, Entries, Floats
 from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.signals.taps import StaysOpen
-from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.episode_counters import EpisodeCounters, put_returns
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions
-from rtamt_gym.wrappers.observing import Observe, Observing
+from rtamt_gym.wrappers.observing import ClipWatch, Observe, Observing
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 _M = TypeVar("_M", bound=Monitoring)
@@ -100,10 +99,7 @@ class Rewarding(Observing):
         return episodes
 
     def _begin(self, entries: Entries | None = None) -> None:
-        """Apply a change of constants; raise InputError for starts with unknown values.
-
-        ``entries`` is the mask of environments with a starting episode; None: all.
-        """
+        """Apply a change of constants; refuse starts with unknown values in these environments."""
         monitor = self._monitor
         if self._followed != monitor.constant_changes:
             self._follow_monitors(monitor.monitors, monitor.track_obligations)
@@ -162,8 +158,7 @@ def find_or_make(
     """Return the environment inside its monitor, and the monitor: its own, or a new one.
 
     Raises:
-        InputError: If there is no monitor and the arguments do not describe one, or there is a
-            monitor and the arguments describe another.
+        InputError: Without a monitor and arguments that describe one, or with both.
     """
     phrase = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
     required = {"specs": specs, "signals": signals}

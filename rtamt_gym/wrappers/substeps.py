@@ -26,8 +26,7 @@ class Inside:
     """Reads the signals of an environment after every step of its simulation.
 
     Raises:
-        InputError: If the simulation of the environment cannot be followed, or if a signal reads
-            observation, reward or info.
+        InputError: If the simulation cannot be followed, or a signal reads results of the step.
     """
 
     def __init__(self, env: Env, signals: Sequence[ParsedSignal]) -> None:
@@ -60,10 +59,7 @@ class Inside:
 
 
 class SubSteps:
-    """Updates a monitor set after every step of the simulation that an environment makes.
-
-    ``keep`` is called with the values of every sample after the update.
-    """
+    """Updates a monitor set after every step of the simulation that an environment makes."""
 
     def __init__(
         self,

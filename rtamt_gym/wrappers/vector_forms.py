@@ -143,9 +143,6 @@ class PufferVectorEnv(_AdaptedVectorEnv):
     Attributes:
         adapted: PufferLib's vector environment.
         infos: The newest list of infos.
-        rewards: The shared array of rewards, from the first reset on.
-        terminated: The shared array of terminations.
-        truncated: The shared array of truncations.
         one: The first environment of Gymnasium; None if they are native.
     """
 
@@ -333,14 +330,10 @@ def final_observations(
     infos: Mapping[str, Any],
     ended: Entries,
 ) -> Any:
-    """Return the observations from before the resets in a step.
+    """Return the observations from before the resets in a step, in environments that ended.
 
-    Args:
-        space: The observation space of one environment.
-        obs: The observations after the resets.
-        infos: Has the observations from before the resets as ``final_obs``: an array with one
-            object for each environment, as Gymnasium makes it, or a batch.
-        ended: The environments that ended.
+    ``final_obs`` has them: an array with one object for each environment, as Gymnasium makes it, or
+    a batch.
 
     Raises:
         InputError: If ``final_obs`` is missing.
@@ -362,10 +355,7 @@ def _replaced(
     final: Any,
     ended: Entries,
 ) -> Any:
-    """Replace the observations of the environments that ended.
-
-    ``final`` is a list with an observation for each of them, or a batch like ``obs``.
-    """
+    """Replace the observations that ended, by a list with one for each or a batch like ``obs``."""
 
     def part(key: Any) -> Any:
         return [single[key] for single in final] if isinstance(final, list) else final[key]
@@ -418,11 +408,7 @@ def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Entries) 
 
 
 def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    """Return when a vector environment resets an environment after the end of its episode.
-
-    Raises:
-        InputError: If its metadata has a value that is not a mode.
-    """
+    """Return when a vector environment resets an environment after the end of its episode."""
     mode, inner = env.metadata.get("autoreset_mode"), env.unwrapped
     if isinstance(inner, SyncVectorEnv | AsyncVectorEnv) and env.metadata is inner.metadata:
         # Before 1.4, vector environments of one class share their metadata.

@@ -29,8 +29,8 @@ from rtamt_gym.judging.specs import ConstantValue, SpecsLike, recordable
 from rtamt_gym.judging.vector_monitor_set import VectorMonitors, VectorMonitorSet
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
 from rtamt_gym.signals.columns import Batch, Entries, Floats, SignalColumns
+from rtamt_gym.signals.periods import StepTimes
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.signals.step_time import StepTimes
 from rtamt_gym.signals.taps import StaysOpen
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
@@ -418,10 +418,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         costs: dict[str, Floats] | None = None,
         charged: Entries | None = None,
     ) -> None:
-        """Add the keys of every info to the environments ``entries``, and costs to ``charged``.
-
-        None means all environments.
-        """
+        """Add the keys of every info to ``entries``, and costs to ``charged``; None: to all."""
         monitor_set = self._monitor_set
         states = monitor_set.describe() if self._details else None
         violated = monitor_set.any_violated()
@@ -576,8 +573,8 @@ class VectorTracks:
     ) -> None:
         """Take a sample of every environment.
 
-        The step has reset the environments ``begun`` before the samples, and ``resets`` after
-        them, which render other samples.
+        The step has reset ``begun`` before the samples, and ``resets`` after them, which render
+        others.
         """
         for index, track in self._tracks.items():
             if begun is not None and begun[index]:

@@ -272,7 +272,7 @@ def test_requirements_without_stages_have_no_progress(view: Any) -> None:  # noq
     vector = VectorMonitorSet(specs, 2, EvaluationOptions(view=view), NAMES)
     assert monitor_set.progress == vector.progress == {}
     assert (monitor_set.least_progress, vector.least_progress) == (None, None)
-    assert (monitor_set._stages, vector._stages) == (None, None)
+    assert (monitor_set._stages, vector._stages) == ({}, {})
 
 
 def test_stage_holds_earlier_values() -> None:
