@@ -37,9 +37,9 @@ Functions that take several specifications take a sequence with an element for e
 arrays of shape (environments,), of NumPy, of JAX or of torch. Flags (``ended``, ``terminated``) are
 1 or 0 in arrays, otherwise True or False.
 
-To add a mode: its name in `Mode`, one function, one case of `Shaping.reward` and a row of the table
-above; if it depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. The function
-takes floats and arrays of every library, so `rtamt_arrays` needs no change. Describe the mode in
+To add a mode: its name in `Mode`, one case of `Shaping.reward` and a row of the table above; if it
+depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. The case computes with
+floats and arrays of every library, so `rtamt_arrays` needs no change. Describe the mode in
 the docstring of `StlReward`, in ``docs/gymnasium.md`` and in ``docs/learning.md``. The tests run
 every name in `Mode`, with the options from ``tests/support/replay.py``.
 """
@@ -78,20 +78,18 @@ def check_mapping(name: str, value: object, example: Mapping[str, str]) -> None:
 
 
 def levels_of(
-    names: Sequence[str], mode: str, ranks: Sequence[str], priorities: Mapping[str, str] | None
+    names: Sequence[str], mode: str, priorities: Mapping[str, str] | None
 ) -> tuple[tuple[int, ...], ...]:
     """Return the places of the specifications in each level; no level is empty.
 
-    Each rank is a level, the first rank first. Modes other than ``"hierarchical"`` have one level.
-
-    Raises:
-        InputError: If priorities and mode do not fit, a priority is not a rank, or the names differ
-            from the specifications.
+    Each `Priority` is a level, in order. Modes other than ``"hierarchical"`` have one level.
+    Priorities that do not fit are an InputError.
     """
     if mode != "hierarchical":
         if priorities is not None:
             raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
         return (tuple(range(len(names))),)
+    ranks = get_args(Priority)
     enough = [*ranks, *[ranks[-1]] * len(names)]
     example = {name: f'"{rank}"' for name, rank in zip(names, enough, strict=False)}
     if priorities is None:
@@ -238,67 +236,6 @@ def _of_first_negative(levels: Sequence[Numeric], values: Sequence[Numeric]) -> 
     return value
 
 
-def add(reward: Numeric, after: Numeric, weight: float) -> Numeric:
-    """``reward + weight * after``.
-
-    Example:
-        >>> add(1.0, -0.5, weight=2.0)
-        0.0
-    """
-    return reward + weight * after
-
-
-def replace(after: Numeric) -> Numeric:
-    """``after``: the robustness is the reward.
-
-    Example:
-        >>> replace(-0.5)
-        -0.5
-    """
-    return after
-
-
-def potential(
-    reward: Numeric,
-    before: Numeric,
-    after: Numeric,
-    terminated: Numeric,
-    weight: float,
-    gamma: float,
-) -> Numeric:
-    """``reward + weight * (gamma * after - before)``, with ``after`` = 0 where terminated.
-
-    Example:
-        >>> potential(1.0, 0.5, 1.0, terminated=False, weight=2.0, gamma=0.5)
-        1.0
-        >>> potential(1.0, 0.5, 1.0, terminated=True, weight=2.0, gamma=0.5)
-        0.0
-    """
-    return reward + weight * (gamma * after * (1.0 - terminated) - before)
-
-
-def terminal(reward: Numeric, after: Numeric, ended: Numeric, weight: float) -> Numeric:
-    """``reward``, plus ``weight * after`` where the episode ended.
-
-    Example:
-        >>> terminal(1.0, -0.5, ended=False, weight=2.0)
-        1.0
-        >>> terminal(1.0, -0.5, ended=True, weight=2.0)
-        0.0
-    """
-    return reward + weight * (after * ended)
-
-
-def progress(reward: Numeric, before: Numeric, after: Numeric, weight: float) -> Numeric:
-    """``reward + weight * (after - before)``, for the middles of the bounds.
-
-    Example:
-        >>> progress(1.0, -0.5, 0.25, weight=2.0)
-        2.5
-    """
-    return reward + weight * (after - before)
-
-
 def outcome(lower: Numeric, upper: Numeric) -> Numeric:
     """Return 1 if the bounds exclude a violation, -1 if they exclude satisfaction, otherwise 0.
 
@@ -427,7 +364,7 @@ class Shaping:
             gamma=check_number("gamma", gamma, 1.0),
             temperature=(None if temperature is None else check_number("temperature", temperature)),
             weights=tuple(factor.get(name, 1.0) for name in names),
-            levels=levels_of(names, mode, get_args(Priority), priorities),
+            levels=levels_of(names, mode, priorities),
             bonus=check_amount("bonus", bonus),
             penalty=check_amount("penalty", penalty),
         )
@@ -495,15 +432,16 @@ class Shaping:
         """
         match self.mode:
             case "add":
-                return add(reward, after, self.weight)
+                return reward + self.weight * after
             case "replace" | "hierarchical":
-                return replace(after)
+                return after
             case "potential":
-                return potential(reward, before, after, terminated, self.weight, self.gamma)
+                goes_on = 1.0 - terminated
+                return reward + self.weight * (self.gamma * after * goes_on - before)
             case "terminal":
-                return terminal(reward, after, ended, self.weight)
+                return reward + self.weight * (after * ended)
             case "progress":
-                return progress(reward, before, after, self.weight)
+                return reward + self.weight * (after - before)
             case "verdict":
                 return 0.0 * ended
             case _ as never:

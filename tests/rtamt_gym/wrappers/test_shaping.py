@@ -147,13 +147,11 @@ def test_the_hierarchy_of_one_level_is_the_level() -> None:
 
 def test_a_potential_pays_the_discounted_ends_alone() -> None:
     x, gamma = [0.5, -0.25, 1.0, 0.75], 0.5
+    shape = Shaping.of("a", mode="potential", weight=2.0, gamma=gamma)
 
     def paid(*, terminated: bool) -> float:
         return sum(
-            gamma**t
-            * shaping.potential(
-                0.0, a, b, terminated=terminated and t == 2, weight=2.0, gamma=gamma
-            )
+            gamma**t * shape.reward(0.0, a, b, terminated=terminated and t == 2, ended=t == 2)
             for t, (a, b) in enumerate(pairwise(x))
         )
 
@@ -228,7 +226,22 @@ def test_a_level_that_no_specification_has_is_no_level() -> None:
 def test_what_is_not_told_weighs_1() -> None:
     shape = Shaping.of("ab", mode="add")
     assert (shape.weight, shape.clip, shape.weights) == (1.0, 1.0, (1.0, 1.0))
-    assert shape.reward(2.0, 0.0, 0.5, terminated=False, ended=False) == 2.5
+
+
+@pytest.mark.parametrize(
+    ("mode", "ended", "expected"),
+    [
+        ("add", False, 2.0),
+        ("replace", True, 0.5),
+        ("terminal", False, 1.0),
+        ("terminal", True, 2.0),
+        ("progress", False, 2.5),
+        ("verdict", True, 0.0),
+    ],
+)
+def test_rewards_of_one_step(mode: Mode, ended: bool, expected: float) -> None:  # noqa: FBT001 - of a table
+    shape = Shaping.of("a", mode=mode, weight=2.0, bonus=1.0)
+    assert shape.reward(1.0, -0.25, 0.5, terminated=False, ended=ended) == expected
 
 
 def test_a_bonus_or_a_penalty_settles() -> None:
