@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt_gym import StepMonitor, StlMonitor, StlReward, VectorStlMonitor, simulate
+from rtamt_gym import StepMonitor, StlMonitor, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import load_specs
 from rtamt_gym.mujoco import evaluate_rollouts
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.shaping import Priority
 
 TEXT = """\
 const float LIMIT = 0.1
@@ -75,25 +74,6 @@ def test_costs_match_single_requirements(cost: Cost, view: View) -> None:
     )
     assert one == several
     assert any(info.get("cost", 0.0) > 0.0 for info in one)
-
-
-def test_reward_priorities_by_name() -> None:
-    ranks: dict[str, Priority] = {"upright": "safety", "near": "target", "calm": "comfort"}
-    wrapped = (
-        StlReward(gym.make("CartPole-v1"), specs, SIGNALS, mode="hierarchical", priorities=ranks)
-        for specs in (TEXT, APART)
-    )
-    one, several = (infos(env) for env in wrapped)
-    assert one == several
-
-
-def test_vector_wrapper_with_several_requirements() -> None:
-    one, several = (
-        infos(VectorStlMonitor(gym.make_vec("CartPole-v1", 2), specs, SIGNALS, details=True))
-        for specs in (TEXT, APART)
-    )
-    np.testing.assert_equal(one, several)
-    assert set(APART) <= one[0]["stl"].keys()
 
 
 def test_run_has_history_of_each_requirement() -> None:

@@ -73,25 +73,19 @@ def test_five_numbers_of_every_specification_are_appended(end: str, clip: float)
             assert obs.tolist() == [*own, *shown]
 
 
-@pytest.mark.slow(keep=2)
+@pytest.mark.slow(keep=4)
 @cases
-def test_the_state_is_that_which_the_reward_shows(case: Case) -> None:
-    env = observing(case)
-    rewarded = StlReward(observing(case, observe=None), mode="add", observe="state", clip=0.5)
+@pytest.mark.parametrize("observe", ["state", "obligations"])
+def test_a_reward_around_shows_the_same(case: Case, observe: Any) -> None:
+    env = observing(case, observe=observe)
+    rewarded = StlReward(
+        TimeLimit(observing(case, observe=None), 99), mode="add", observe=observe, clip=0.5
+    )
     assert env.observation_space == rewarded.observation_space
     shown, other = rollout(env), rollout(rewarded)
     assert equal([step[0] for step in shown], [step[0] for step in other])
     own = rollout(observing(case, observe=None))
     assert equal([step[1:] for step in shown], [step[1:] for step in own])
-
-
-@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
-@pytest.mark.parametrize("case", CASES[:2], ids=lambda case: case.env_id)
-def test_vector_state_matches_single_environments(case: Case, autoreset: AutoresetMode) -> None:
-    makes: list[Make] = [
-        functools.partial(gym.make, case.env_id, max_episode_steps=n) for n in (5, 30)
-    ]
-    same(makes, autoreset, case.specs, case.signals, period=0.1)
 
 
 class Placed(gym.ObservationWrapper[Any, Any, Any]):
@@ -137,12 +131,16 @@ def same(
     assert difference(trajectory(together, 16), trajectory(singles, 16)) == ""
 
 
-def test_vector_environments_that_are_one_show_the_state_too() -> None:
-    envs = VectorStlMonitor(
-        native(3), "always(abs(a) < 0.2)", {"a": "obs[2]"}, observe="state", clip=0.1
-    )
+@pytest.mark.parametrize(
+    ("observe", "spec"),
+    [
+        ("state", "always(abs(a) < 0.2)"),
+        ("obligations", "always(eventually[0:0.1](a > 0.01))"),
+    ],
+)
+def test_native_vector_environments_show_it_too(observe: Any, spec: str) -> None:
+    envs = VectorStlMonitor(native(3), spec, {"a": "obs[2]"}, observe=observe, clip=0.1)
     obs, infos = envs.reset(seed=3)
-    assert envs.single_observation_space.shape == (9,)
     assert envs.observation_space.contains(obs)
     assert obs[:, 4].tolist() == np.minimum(infos["robustness"], 0.1).astype(np.float32).tolist()
     copy = pickle.loads(pickle.dumps(envs))
@@ -307,12 +305,6 @@ def test_what_must_be_held_is_counted_while_it_is() -> None:
 
 
 @obligation_cases
-def test_nothing_but_the_observation_changes(case: Case) -> None:
-    env, own = with_obligations(case), with_obligations(case, observe=None)
-    assert equal([step[1:] for step in rollout(env)], [step[1:] for step in rollout(own)])
-
-
-@obligation_cases
 def test_the_first_five_numbers_are_those_of_the_state(case: Case) -> None:
     env, state = with_obligations(case), with_obligations(case, observe="state")
     places = [
@@ -324,18 +316,6 @@ def test_the_first_five_numbers_are_those_of_the_state(case: Case) -> None:
     for (obs, *_), (expected, *_) in zip(rollout(env), rollout(state), strict=True):
         assert obs[:width].tolist() == expected[:width].tolist()
         assert obs[width:][places].tolist() == expected[width:].tolist()
-
-
-@obligation_cases
-def test_a_reward_around_shows_the_same(case: Case) -> None:
-    inside = rollout(with_obligations(case))
-    rewarded = StlReward(
-        TimeLimit(with_obligations(case, observe=None), 99),
-        mode="add",
-        observe="obligations",
-        clip=0.5,
-    )
-    assert equal([step[0] for step in rollout(rewarded)], [step[0] for step in inside])
 
 
 TEXTS = {
@@ -367,18 +347,6 @@ def test_vector_obligations_match_single_environments(
     together, singles = both(one, many, makes, autoreset, TEXTS, X, **options)
     assert together.observation_space == singles.observation_space
     assert difference(trajectory(together, 40), trajectory(singles, 40)) == ""
-
-
-def test_native_vector_environments_show_obligations_too() -> None:
-    envs = VectorStlMonitor(
-        native(3), "always(eventually[0:0.1](a > 0.01))", {"a": "obs[2]"}, observe="obligations"
-    )
-    obs, _ = envs.reset(seed=3)
-    assert envs.observation_space.contains(obs)
-    copy = pickle.loads(pickle.dumps(envs))
-    actions = np.ones(3, np.int64)
-    ahead = [envs.step(actions) for _ in range(12)]
-    assert difference([copy.step(actions) for _ in range(12)], ahead) == ""
 
 
 def test_sub_steps_count_for_clocks() -> None:

@@ -128,16 +128,6 @@ def test_a_violation_ends_the_episode_of_all_agents(on_violation: Any) -> None:
     assert go(env, 2)[2] == terminated
 
 
-def test_a_violation_may_be_reported_alone() -> None:
-    env = near(on_violation="report")
-    env.reset()
-    for step in range(1, 5):
-        _, _, terminated, _, infos = go(env)
-        assert [info["stl_violated"] for info in infos.values()] == [step >= 2] * 2
-        assert list(terminated.values()) == [step == 4] * 2
-    assert infos["lead"]["is_success"] is False
-
-
 def test_who_left_gets_no_verdict_and_the_last_ones_do() -> None:
     numbers = {"lead": [1.0, 1.0], "wing_0": [0.0, 0.0, 0.0]}
     env = near(Crew(numbers), nan="hold", on_violation="report")

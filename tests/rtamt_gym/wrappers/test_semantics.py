@@ -9,8 +9,10 @@ from typing import Any, get_args
 import gymnasium as gym
 import numpy as np
 import pytest
+from bits import bits
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from replay import Replay, run
 from vector_environments import difference
 
 import rtamt
@@ -260,3 +262,16 @@ def test_the_message_of_a_field_is_a_name_too() -> None:
     )
     stl = env.reset(seed=0)[1]["stl"]
     assert (stl["a"]["robustness"], stl["b"]["robustness"]) == (-1.0, -np.inf)
+
+
+def test_what_hangs_on_a_predicate_left_out_stays_undecided() -> None:
+    for text in ("always(x > 9)", "always(not (x > 9))", "eventually(x > 9)"):
+        options: Any = {"semantics": "output-vacuity", "outputs": [], "details": True}
+        env = StlMonitor(Replay([1, 0, 5]), text, {"x": "obs[0]"}, **options)
+        shown = run(env)
+        assert not any(info["stl_violated"] for info in shown)
+        assert {info["stl"]["spec"]["verdict"] for info in shown} == {"UNDECIDED"}
+        assert (shown[-1]["is_success"], shown[-1]["stl_undecided"]) == (False, True)
+    monitor = rtamt.EpisodeMonitor("always(x > 9)", semantics="output-vacuity", outputs=())
+    monitor.update(1.0)
+    assert bits([monitor.lower, monitor.upper]) == bits([-0.0, 0.0])

@@ -145,6 +145,26 @@ def test_the_hierarchy_of_one_level_is_the_level() -> None:
     assert [shaping.hierarchical([x], 1.0) for x in (-0.5, 0.0, 0.5)] == [-0.5, 0.0, 0.5]
 
 
+@pytest.mark.parametrize("many", [False, True])
+def test_combinations_keep_the_sign_of_a_zero(many: bool) -> None:  # noqa: FBT001
+    def value(number: float) -> Any:
+        return np.array([number]) if many else number
+
+    def sign(number: Any) -> bool:
+        return bool(np.signbit(number).all())
+
+    for zeros in ([0.0, -0.0], [-0.0, 0.0], [1.0, -0.0], [-0.0, math.inf]):
+        assert sign(shaping.least([value(z) for z in zeros]))
+    for zeros in ([0.0, 0.0], [0.0, 1.0], [0.0]):
+        assert not sign(shaping.least([value(z) for z in zeros]))
+    assert sign(shaping.hierarchical([value(-0.0), value(1.0)], 1.0))
+    assert shaping.hierarchical([value(-0.0), value(1.0)], 1.0) == 0.0
+    assert shaping.hierarchical([value(0.0), value(-0.0), value(1.0)], 1.0) == 1.0
+    assert shaping.hierarchical([value(0.0), value(0.0), value(0.5)], 1.0) == 2.5
+    assert sign(shaping.hierarchical([value(-0.0)], 1.0))
+    assert not sign(shaping.hierarchical([value(0.0)], 1.0))
+
+
 def test_a_potential_pays_the_discounted_ends_alone() -> None:
     x, gamma = [0.5, -0.25, 1.0, 0.75], 0.5
     shape = Shaping.of("a", mode="potential", weight=2.0, gamma=gamma)

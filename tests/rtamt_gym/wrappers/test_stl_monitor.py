@@ -8,14 +8,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from replay import INF, Replay, X, run
+from replay import Replay, X, run
 
 import rtamt
 from rtamt_gym import StlMonitor
-from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import SpecLike
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.wrappers.monitoring import OnViolation
 
 
 def verdict(info: dict[str, Any], name: str = "spec") -> str:
@@ -46,58 +44,6 @@ def test_a_fallen_pole_is_violated_though_only_the_terminal_observation_shows_it
     assert info["is_success"] is False
 
 
-def test_an_invariant_is_never_satisfied_before_the_environment_ends_the_episode() -> None:
-    *running, last = run(StlMonitor(Replay([3, 2, 4, 5]), "always(x > 1)", X, details=True))
-    assert [info["stl"]["spec"]["verdict"] for info in running] == ["UNDECIDED"] * 3
-    assert not any("is_success" in info for info in running)
-    assert last["stl_episode"] == {
-        "spec": {"robustness": 1.0, "verdict": "SATISFIED", "satisfied": True, "ended_at": 3}
-    }
-    assert last["is_success"] is True
-
-
-def test_a_truncated_episode_can_be_left_open() -> None:
-    env = StlMonitor(Replay([3, 2, 4], "truncated"), "always(x > 1)", X, at_truncation="open")
-    last = run(env)[-1]
-    assert last["stl_episode"] == {
-        "spec": {"robustness": 1.0, "verdict": "UNDECIDED", "satisfied": False}
-    }
-    assert (last["is_success"], last["stl_undecided"]) == (False, True)
-    assert "stl_violated_by" not in last
-    assert last["stl_lower"] == -INF
-
-
-def test_a_pole_that_stands_until_the_time_limit_is_a_success() -> None:
-    env = gym.make("CartPole-v1", max_episode_steps=5)
-    monitor = StlMonitor(env, "always(abs(theta) < 0.2)", {"theta": "obs[2]"})
-    monitor.reset(seed=1)
-    for action in (0, 1, 0, 1, 0):
-        _, _, terminated, truncated, info = monitor.step(action)
-    assert (terminated, truncated) == (False, True)
-    assert verdict(info) == "SATISFIED"
-    assert (info["is_success"], info["stl_undecided"]) == (True, False)
-
-
-def test_a_goal_never_reached_is_violated_by_the_end_of_the_trace() -> None:
-    *running, last = run(StlMonitor(Replay([0, 0, 0]), "eventually(x > 1)", X))
-    assert [info["stl_violated"] for info in running] == [False, False]
-    assert last["stl_violated_by"] == "spec"
-    assert last["stl_violated_at"] == 2
-    assert (last["stl_lower"], last["stl_upper"]) == (-1.0, -1.0)
-    assert (last["terminated"], last["truncated"]) == (True, False)
-
-
-def test_a_decided_verdict_outlives_the_end() -> None:
-    last = run(StlMonitor(Replay([0, 3, 0]), "eventually(x > 1)", X))[-1]
-    assert last["stl_episode"]["spec"]["decided_at"] == 1
-    assert last["stl_episode"]["spec"]["satisfied"] is True
-
-
-def test_a_deadline_that_passed_is_violated_at_the_deadline() -> None:
-    last = run(StlMonitor(Replay([0] * 9), "eventually[0:3](x > 1)", X, period=1))[-1]
-    assert last["stl_violated_at"] == 3
-
-
 def test_robustness_is_that_of_the_samples_so_far() -> None:
     text = "always(abs(theta) > 0.05 implies eventually[0:0.1](abs(omega) < 0.3))"
     signals = {"theta": "obs[2]", "omega": "obs[3]"}
@@ -116,54 +62,6 @@ def test_robustness_is_that_of_the_samples_so_far() -> None:
 
 
 # ---- ends ----
-
-
-@pytest.mark.parametrize(
-    ("mode", "terminated", "truncated", "samples"),
-    [("terminate", True, False, 3), ("truncate", False, True, 3), ("report", True, False, 5)],
-)
-def test_a_certain_violation_ends_the_episode_as_asked(
-    mode: OnViolation,
-    terminated: bool,  # noqa: FBT001
-    truncated: bool,  # noqa: FBT001
-    samples: int,
-) -> None:
-    env = StlMonitor(Replay([3, 3, 0, 3, 0.5]), "always(x > 1)", X, on_violation=mode)
-    infos = run(env)
-    last = infos[-1]
-    assert env.samples == len(infos) == samples
-    assert (last["terminated"], last["truncated"]) == (terminated, truncated)
-    assert (last["stl_violated_by"], last["stl_violated_at"]) == ("spec", 2)
-    assert [info["stl_violated"] for info in infos] == [False, False, True, True, True][:samples]
-
-
-def test_a_violation_at_the_end_of_the_environment_is_no_truncation() -> None:
-    last = run(StlMonitor(Replay([3, 0]), "always(x > 1)", X, on_violation="truncate"))[-1]
-    assert (last["terminated"], last["truncated"]) == (True, False)
-
-
-def test_a_violation_at_reset_ends_the_first_step() -> None:
-    env = StlMonitor(Replay([0, 3, 3]), "always(x > 1)", X)
-    first, last = run(env)
-    assert first["stl_violated"] is True
-    assert last["terminated"] is True
-    assert last["stl_violated_at"] == 0
-
-
-def test_an_early_end_leaves_the_other_specifications_open() -> None:
-    specs = {"low": "always(x < 5)", "goal": "eventually(x > 10)", "start": "eventually(x < 2)"}
-    last = run(StlMonitor(Replay([1, 9, 11]), specs, X))[-1]
-    assert [verdict(last, name) for name in specs] == ["VIOLATED", "UNDECIDED", "SATISFIED"]
-    assert last["stl_violated_by"] == "low"
-    assert last["robustness"] == -4.0
-    assert "decided_at" not in last["stl_episode"]["goal"]
-
-
-def test_the_first_violation_in_time_is_the_one_that_is_named() -> None:
-    specs = {"slow": "always(x < 5)", "fast": "always(x < 3)"}
-    last = run(StlMonitor(Replay([1, 4, 9, 1]), specs, X, on_violation="report"))[-1]
-    assert (last["stl_violated_by"], last["stl_violated_at"]) == ("fast", 1)
-    assert [spec["decided_at"] for spec in last["stl_episode"].values()] == [2, 1]
 
 
 def test_every_specification_gets_its_own_variables() -> None:
@@ -193,47 +91,6 @@ def test_info_is_flat_typed_and_fresh() -> None:
 STATE = ("robustness", "stl_lower", "stl_upper", "stl_violated")
 
 
-def test_details_show_every_specification() -> None:
-    specs = {"low": "always(x < 5)", "goal": "eventually(x > 2)"}
-    first = run(StlMonitor(Replay([1, 3]), specs, X, details=True))[0]
-    assert first["stl"] == {
-        "low": {"robustness": 4.0, "lower": -INF, "upper": 4.0, "verdict": "UNDECIDED"},
-        "goal": {"robustness": -1.0, "lower": -1.0, "upper": INF, "verdict": "UNDECIDED"},
-    }
-    assert [first[key] for key in STATE] == [-1.0, -INF, 4.0, False]
-
-
-@pytest.mark.parametrize(
-    ("cost", "expected"),
-    [
-        ("violation", [0.0, 1.0, 0.0, 1.0]),
-        ("depth", [0.0, 1.0, 0.0, 3.0]),
-        ("latched", [0.0, 1.0, 1.0, 1.0]),
-        ("first", [0.0, 1.0, 0.0, 0.0]),
-    ],
-)
-def test_cost_is_charged_at_steps(cost: Cost, expected: list[float]) -> None:
-    env = StlMonitor(Replay([3, 2, 0, 5, -2]), "always(x > 1)", X, cost=cost, on_violation="report")
-    for _ in range(2):
-        first, *steps = run(env)
-        assert "cost" not in first
-        assert [info["cost"] for info in steps] == expected
-        assert all(type(info["cost"]) is np.float64 for info in steps)
-
-
-def test_a_violation_at_reset_is_charged_to_the_first_step() -> None:
-    env = StlMonitor(Replay([0, 3, 3]), "always(x > 1)", X, cost="first", on_violation="report")
-    assert [info["cost"] for info in run(env)[1:]] == [1.0, 0.0]
-
-
-def test_the_environments_own_success_is_kept() -> None:
-    env = Replay([3, 0])
-    env.info = {"is_success": True}
-    last = run(StlMonitor(env, "always(x > 1)", X))[-1]
-    assert last["is_success"] is True
-    assert last["stl_episode"]["spec"]["satisfied"] is False
-
-
 # ---- view="step" ----
 
 
@@ -248,23 +105,6 @@ def test_the_step_view_is_the_monitor_instant_by_instant() -> None:
     # Before the first instant is settled: time 0, of the samples so far.
     sofar = [rtamt.evaluate(text, {"x": np.array(values[: n + 1])})[0] for n in range(2)]
     assert [info["robustness"] for info in infos[:2]] == sofar
-
-
-def test_the_step_view_ends_with_the_first_instant_that_is_violated() -> None:
-    text = "x > 2 implies eventually[0:2](x < 1)"
-    values = [3, 0, 4, 2, 1.5, 3, 0]
-    last = run(StlMonitor(Replay(values), text, X, view="step", period=1))[-1]
-    assert last["stl_violated_at"] == 4
-    assert last["robustness"] == -0.5
-    every = run(StlMonitor(Replay(values), f"always({text})", X, period=1))[-1]
-    assert every["stl_episode"] == last["stl_episode"]
-    assert every["stl_upper"] == last["stl_upper"]
-
-
-def test_the_step_view_takes_formulas_about_now() -> None:
-    infos = run(StlMonitor(Replay([3, 2, 0]), "x > 1", X, view="step"))
-    assert [info["robustness"] for info in infos] == [2.0, 1.0, -1.0]
-    assert infos[-1]["stl_episode"]["spec"]["robustness"] == -1.0
 
 
 def test_the_step_view_keeps_names_constants_and_units() -> None:

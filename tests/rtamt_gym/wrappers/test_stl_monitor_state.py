@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import pickle
-from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
@@ -18,48 +17,6 @@ from replay import Replay, X, run
 from rtamt.errors import InputError, StateError
 from rtamt_gym import Step, StlMonitor
 from rtamt_gym.options.evaluation import View
-
-
-@pytest.mark.parametrize("view", ["episode", "step"])
-@pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_continues_as_the_original(clone: Callable[[Any], Any], view: View) -> None:
-    response, limit = "x > 2 implies eventually[0:2](x < 1)", "u < 2"
-    if view == "episode":
-        response, limit = f"always({response})", f"always({limit})"
-    text = {"a": response, "b": limit}
-    signals = {"x": "obs[0]", "u": ("action[0]", 0.0)}
-    env = StlMonitor(
-        Replay([3, 0, 4, 2, 1.5, 3, 0]), text, signals, view=view, period=1, cost="first"
-    )
-    env.reset()
-    for steps in range(4):
-        copy = clone(env)
-        assert copy.samples == steps + 1
-        ahead = [copy.step(np.array([0.5])) for _ in range(4 - steps)]
-        assert ahead[-1][4]["stl_violated_at"] == 4
-        env_ahead = deepcopy(env)
-        assert data_equivalence(
-            ahead, [env_ahead.step(np.array([0.5])) for _ in range(4 - steps)], exact=True
-        )
-        env.step(np.array([0.5]))
-
-
-def test_reset_forgets_everything() -> None:
-    env = StlMonitor(Replay([3, 0, 4, 5, 9]), "always(x > 1)", X, details=True, cost="first")
-    first = run(env)
-    assert data_equivalence(run(env), first, exact=True)
-    env.reset()
-    env.step(np.array([0.5]))
-    assert data_equivalence(run(env), first, exact=True)
-
-
-def test_samples_count_the_sample_of_reset() -> None:
-    env = StlMonitor(Replay([3, 3, 3]), "always(x > 1)", X)
-    assert env.samples == 0
-    env.reset()
-    assert env.samples == 1
-    env.step(np.array([0.5]))
-    assert env.samples == 2
 
 
 def test_a_step_outside_an_episode_is_refused() -> None:
@@ -159,60 +116,9 @@ def test_an_importable_callable_is_pickled_and_made_again_but_not_written_as_jso
         del gym.registry["Replay-v0"]
 
 
-def test_every_episode_that_ended_is_recorded() -> None:
-    specs = {"dry": "always(x > 1)", "there": "eventually(x > 4)"}
-    replay = Replay([3, 5, 0, 3])
-    env = StlMonitor(replay, specs, X)
-    run(env)
-    env.reset()
-    replay.values = [3, 2, 4]
-    replay.end = "truncated"
+def test_a_record_and_the_last_info_are_not_shared() -> None:
+    env = StlMonitor(Replay([3, 2, 4]), {"dry": "always(x > 1)", "there": "eventually(x > 4)"}, X)
     last = run(env)[-1]
-    # A reset after a reset has given up no step of an episode.
-    assert list(env.stl_episodes) == [
-        {
-            "samples": 3,
-            "terminated": True,
-            "truncated": False,
-            "specs": {
-                "dry": {
-                    "robustness": -1.0,
-                    "verdict": "VIOLATED",
-                    "satisfied": False,
-                    "decided_at": 2,
-                },
-                "there": {
-                    "robustness": 1.0,
-                    "verdict": "SATISFIED",
-                    "satisfied": True,
-                    "decided_at": 1,
-                },
-            },
-            "violated_by": "dry",
-            "violated_at": 2,
-        },
-        {
-            "samples": 3,
-            "terminated": False,
-            "truncated": True,
-            "specs": {
-                "dry": {
-                    "robustness": 1.0,
-                    "verdict": "SATISFIED",
-                    "satisfied": True,
-                    "ended_at": 2,
-                },
-                "there": {
-                    "robustness": -0.0,
-                    "verdict": "VIOLATED",
-                    "satisfied": False,
-                    "ended_at": 2,
-                },
-            },
-            "violated_by": "there",
-            "violated_at": 2,
-        },
-    ]
     last["stl_episode"]["dry"].clear()
     assert env.stl_episodes[-1]["specs"]["dry"]["robustness"] == 1.0
 

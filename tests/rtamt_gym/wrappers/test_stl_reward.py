@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.wrappers import FlattenObservation, TimeLimit
-from replay import INF, Replay, X, shaping_options
+from replay import Replay, X, shaping_options
 
 from rtamt.errors import InputError, ParseError
 from rtamt_gym import StlMonitor, StlReward
@@ -225,23 +225,6 @@ def observed(env: gym.Env[Any, Any]) -> list[Any]:
 
 
 SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}
-
-
-def test_the_state_of_the_monitor_is_appended_to_a_box() -> None:
-    env = StlReward(
-        Replay([3, 1.5, 4, 9]), SPECS, X, mode="add", clip=2.0, observe="state", period=1
-    )
-    assert env.observation_space == spaces.Box(
-        np.array([-INF, -2, -2, -2, 0, -1, -2, -2, -2, 0, -1]),
-        np.array([INF, 2, 2, 2, 1, 1, 2, 2, 2, 1, 1]),
-        dtype=np.float64,
-    )
-    assert np.array(observed(env)).tolist() == [
-        [3.0, 2.0, -2.0, 2.0, 1.0, 0.0, -2.0, -2.0, 2.0, 1.0, 0.0],
-        [1.5, 0.5, -2.0, 0.5, 1.0, 0.0, -2.0, -2.0, 2.0, 0.75, 0.0],
-        [4.0, 0.5, -2.0, 0.5, 1.0, 0.0, -1.0, -1.0, 2.0, 0.5, 0.0],
-        [9.0, 0.5, 0.5, 0.5, 1.0, 1.0, 2.0, 2.0, 2.0, 0.25, 1.0],
-    ]
 
 
 class Places(gym.ObservationWrapper[Any, Any, Any]):

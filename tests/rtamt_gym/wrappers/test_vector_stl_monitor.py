@@ -17,9 +17,7 @@ from replay import Replay, X
 from vector_environments import MODES, Make, both, difference, native, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
-from rtamt_gym.judging.costs import Cost
 from rtamt_gym.options.evaluation import View
-from rtamt_gym.wrappers.monitoring import OnViolation
 
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 
@@ -82,83 +80,6 @@ SERIES: list[Sequence[float]] = [
 
 def replays(end: str = "terminated") -> list[Make]:
     return [functools.partial(Replay, values, end) for values in SERIES]
-
-
-SPECS = {
-    "high": "always(x > 1)",
-    "response": "always(x < 1 implies eventually[0:1](x > 2))",
-    "peak": "eventually(x > 3.5)",
-    "effort": "always(u + p < 5)",
-}
-SIGNALS = {**X, "u": ("action[0]", 0.25), "p": ("reward", -1.0)}
-
-
-@modes
-@pytest.mark.parametrize("end", ["terminated", "truncated"])
-@pytest.mark.parametrize("cost", ["violation", "depth", "latched", "first"])
-def test_every_outcome_of_several_specifications_is_that_of_single_environments(
-    mode: AutoresetMode, end: str, cost: Cost
-) -> None:
-    # When an instant violates a goal without a deadline is known at the end alone.
-    specs = SPECS if cost in {"latched", "first"} else SPECS | {"peak": "eventually[0:2](x > 3.5)"}
-    together, singles = monitored(
-        replays(end), mode, specs, SIGNALS, cost=cost, details=True, period=1
-    )
-    assert difference(trajectory(together, 30), trajectory(singles, 30)) == ""
-    samples = [env.get_wrapper_attr("samples") for env in singles.envs]
-    assert together.samples.tolist() == samples
-    for entry, env in enumerate(singles.envs):
-        records = [record for record in together.stl_episodes if record["env"] == entry]
-        assert [{k: v for k, v in record.items() if k != "env"} for record in records] == list(
-            env.get_wrapper_attr("stl_episodes")
-        )[-len(records) :]
-        types = {type(value) for record in records for value in record.values()}
-        assert types <= {int, bool, str, dict}
-
-
-def test_what_the_last_sample_violates_comes_before_what_the_end_violates() -> None:
-    makes = [functools.partial(Replay, [3, 3, 0])]
-    specs = {"peak": "eventually(x > 5)", "high": "always(x > 1)"}
-    together, singles = monitored(makes, AutoresetMode.DISABLED, specs, X)
-    shown = trajectory(together, 2)
-    assert difference(shown, trajectory(singles, 2)) == ""
-    assert [record["violated_by"] for record in together.stl_episodes] == ["high"]
-
-
-@pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
-def test_a_violation_ends_an_episode_where_the_caller_resets(on_violation: OnViolation) -> None:
-    together, singles = monitored(
-        replays(), AutoresetMode.DISABLED, SPECS, SIGNALS, on_violation=on_violation, period=1
-    )
-    assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
-    ends = [record for record in together.stl_episodes if record["env"] == 0]
-    assert {(end["samples"], end["terminated"], end["truncated"]) for end in ends} == {
-        (3, on_violation == "terminate", on_violation == "truncate")
-    }
-
-
-@modes
-def test_the_environments_own_success_is_kept(mode: AutoresetMode) -> None:
-    def make(values: Sequence[float]) -> gym.Env[Any, Any]:
-        env = Replay(values)
-        env.info = {"is_success": True, "speed": float(values[0])}
-        return env
-
-    makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 3))]
-    signals = {**X, "v": ("info['speed']", 0.0)}
-    together, singles = monitored(makes, mode, "always(x > 1 and v < 9)", signals)
-    assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
-
-
-def test_success_is_added_for_environments_that_do_not_report_their_own() -> None:
-    def make(values: Sequence[float]) -> gym.Env[Any, Any]:
-        env = Replay(values)
-        env.info = {"is_success": True} if len(values) == 2 else {}
-        return env
-
-    makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 0))]
-    together, singles = monitored(makes, AutoresetMode.NEXT_STEP, "always(x > 1)", X)
-    assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
 
 
 @modes

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import pickle
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
@@ -256,36 +254,6 @@ def test_infos_become_the_list_that_single_environments_give(mode: AutoresetMode
 
 def one_by_one(make: Callable[[], Replay]) -> gym.Env[Any, Any]:
     return StlMonitor(make(), "always(x > 1)", X, details=True, on_violation="report")
-
-
-@pytest.mark.parametrize("clone", [deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
-@pytest.mark.parametrize("view", ["episode", "step"])
-def test_a_copy_in_mid_episode_continues_as_the_original(
-    clone: Callable[[Any], Any], view: Any
-) -> None:
-    text = TEXT if view == "episode" else "abs(theta) < 0.1"
-    for bare in (native(3), sync([make_pole] * 2, AutoresetMode.SAME_STEP)):
-        envs = VectorStlMonitor(bare, text, ANGLE, details=True, cost="first", view=view)
-        trajectory(envs, 20)
-        copy = clone(envs)
-        assert copy.samples.tolist() == envs.samples.tolist()
-        actions = np.ones(bare.num_envs, np.int64)
-        ahead = [envs.step(actions) for _ in range(15)]
-        assert difference([copy.step(actions) for _ in range(15)], ahead) == ""
-        assert copy.stl_episodes == envs.stl_episodes
-
-
-def test_reset_forgets_everything() -> None:
-    envs = VectorStlMonitor(
-        sync(replays([3, 0, 4, 5], [3, 0.5]), AutoresetMode.NEXT_STEP),
-        {"a": "always(x > 1)", "b": "eventually(x > 3)"},
-        X,
-        details=True,
-        cost="first",
-    )
-    first = trajectory(envs, 2)
-    for _ in range(3):
-        assert difference(trajectory(envs, 2), first) == ""
 
 
 def test_the_buffer_keeps_the_newest_episodes() -> None:

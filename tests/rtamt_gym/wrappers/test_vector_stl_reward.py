@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import pickle
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -27,13 +27,9 @@ pytestmark = [
 
 modes = pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 
-SERIES: list[Sequence[float]] = [[3, 2, 0, 4], [3, 3], [0, 3, 3], [3, 3, 3, 3, 0, 3], [2, 0.5, 3]]
+
 SPECS = {"high": "always(x > 1)", "calm": "eventually[0:3](x + u > 3.5)"}
 SIGNALS = {**X, "u": ("action[0]", 0.25)}
-
-
-def replays(end: str) -> list[Make]:
-    return [functools.partial(Replay, values, end) for values in SERIES]
 
 
 def compare(
@@ -51,20 +47,6 @@ def compare(
     assert together.observation_space == singles.observation_space
     assert together.single_observation_space == singles.single_observation_space
     return difference(trajectory(together, 16), trajectory(singles, 16))
-
-
-@modes
-@pytest.mark.parametrize("mode", get_args(Mode))
-@pytest.mark.parametrize("end", ["terminated", "truncated"])
-def test_every_mode_pays_what_single_environments_are_paid(
-    mode: Mode, autoreset: AutoresetMode, end: str
-) -> None:
-    options: Any = {"weight": 0.5, "weights": {"calm": 0.25}, "period": 1}
-    options |= shaping_options(mode, *SPECS)
-    assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
-    if autoreset is AutoresetMode.DISABLED:
-        options["on_violation"] = "terminate"
-        assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
 
 
 @pytest.mark.slow(keep=6)
@@ -93,12 +75,23 @@ class Still(gym.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(**options)[0], {}
 
 
-@modes
-def test_the_step_view_pays_every_instant(autoreset: AutoresetMode) -> None:
-    specs = {"a": "x > 1 implies eventually[0:1](x > 2)", "b": "x + u > 0"}
-    for mode in ("add", "terminal"):
-        options: Any = {"mode": mode, "view": "step", "period": 1, "observe": "state"}
-        assert compare(replays("terminated"), autoreset, specs, SIGNALS, **options) == ""
+def test_rewards_rank_a_level_that_fails_by_no_margin_as_violated() -> None:
+    specs = {"safe": "always(x > 0)", "calm": "always(x < 9)"}
+    options: Any = {
+        "clip": 10.0,
+        "on_violation": "report",
+        **shaping_options("hierarchical", *specs),
+    }
+    env = StlReward(Replay([1, 0.5, 0]), specs, X, **options)
+    many = VectorStlReward(
+        sync([lambda: Replay([1, 0.5, 0])] * 2, AutoresetMode.NEXT_STEP), specs, X, **options
+    )
+    env.reset(seed=1)
+    many.reset(seed=1)
+    action = np.zeros(1)
+    rewards = [env.step(action)[1] for _ in range(2)]
+    assert rewards == [10.0 + 8.0, 0.0]
+    assert [many.step(np.zeros((2, 1)))[1].tolist() for _ in range(2)] == [[r] * 2 for r in rewards]
 
 
 def test_a_smooth_minimum_is_that_of_single_environments() -> None:
