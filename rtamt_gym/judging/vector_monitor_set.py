@@ -105,21 +105,20 @@ class VectorMonitorSet:
         """Seconds between samples; None if bounds count samples."""
         return self._judges[0].period
 
-    @property
-    def violated_at(self) -> NDArray[np.int64]:
-        """The sample that showed the first violation, the last if only the end did; or -1."""
-        return self._log.violated_at
-
     def any_violated(self, at: Numbers | None = None) -> Entries:
         """Return whether each of the environments `at` violates a specification; None: of all."""
         rows = self._log.violated if at is None else self._log.violated.take(at, axis=1)
         violated: Entries = np.logical_or.reduce(rows)
         return violated
 
-    def violated_by(self, at: Numbers) -> NDArray[np.object_]:
-        """Return the specification that was violated first in each of `at`, or None."""
-        names: NDArray[np.object_] = self._names[self._log.first.take(at)]
-        return names
+    def first_violations(self, at: Numbers) -> tuple[Entries, NDArray[np.object_], Numbers]:
+        """Return where there is a violation, the first violated specification, and its sample.
+
+        The sample showed the violation, or is the last if only the end did. Without a violation,
+        the specification is None and the sample -1.
+        """
+        log = self._log
+        return self.any_violated(at), self._names[log.first.take(at)], log.violated_at.take(at)
 
     @property
     def samples(self) -> NDArray[np.int64]:

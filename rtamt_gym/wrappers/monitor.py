@@ -169,9 +169,7 @@ class StlMonitor(
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
         self._has_extras = details or monitor_set.tells_more
-        self._set_up_observations(
-            env, observe, clip, monitor_set.monitors, monitor_set.track_obligations
-        )
+        self._set_up_observations(env, observe, clip, monitor_set)
         self._substeps = read.substeps
         if monitor_set.period is not None:
             self._time = self._step_time(env, float(monitor_set.period))

@@ -268,7 +268,7 @@ class Monitoring(Observing):
         self._constants, self._monitor_set = change
         self._judging = self._judging._replace(specs=self._constants.specs)
         self.constant_changes += 1
-        self._follow_monitors(self._monitor_set.monitors, self._monitor_set.track_obligations)
+        self._follow_monitors(self._monitor_set)
         self._bind_signals()
 
     def _step_time(self, env: Any, period: float) -> StepTime:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 from typing import Any, Literal, get_args
@@ -61,26 +61,25 @@ class Observing:
         env: Any,
         observe: Observe | None,
         clip: float,
-        monitors: Mapping[str, tuple[Any, Any]],
-        track: Callable[[], list[list[Obligation]]],
+        monitored: Any,
         weights: Sequence[float] | None = None,
         *,
         whole_episode: bool = False,
     ) -> None:
         """Check ``observe`` and ``clip``, and make the observation spaces.
 
-        ``track`` makes the monitors track pending obligations.
+        ``monitored`` has ``monitors`` and ``track_obligations``, as a monitor set has.
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
-        self._state, self._observe, self._shown_specs = None, observe, tuple(monitors)
+        self._state, self._observe, self._shown_specs = None, observe, tuple(monitored.monitors)
         self._observed_watch: ObservedWatch | None = None
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__, observe)
-        horizons = _horizons(monitors)
+        horizons = _horizons(monitored.monitors)
         factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
-        operators = tuple(map(tuple, track())) if observe == "obligations" else None
+        operators = _operators(monitored) if observe == "obligations" else None
         self._state = StateFeatures(
             factors, bound, horizons, whole_episode=whole_episode, operators=operators
         )
@@ -96,14 +95,13 @@ class Observing:
                 env.observation_space, self._state.box, observe
             )
 
-    def _follow_monitors(
-        self, monitors: Mapping[str, tuple[Any, Any]], track: Callable[[], list[list[Obligation]]]
-    ) -> None:
+    def _follow_monitors(self, monitored: Any) -> None:
         """Observe other monitors with as many operators, after a change of constants."""
         state = self._state
         if state is not None:
-            operators = None if state.operators is None else tuple(map(tuple, track()))
-            self._state = replace(state, horizons=_horizons(monitors), operators=operators)
+            operators = None if state.operators is None else _operators(monitored)
+            horizons = _horizons(monitored.monitors)
+            self._state = replace(state, horizons=horizons, operators=operators)
 
     @property
     def observed(self) -> list[str]:
@@ -182,6 +180,10 @@ class Observing:
 
 def _horizons(monitors: Mapping[str, tuple[Any, Any]]) -> tuple[int | None, ...]:
     return tuple(judge.program.latency for _, judge in monitors.values())
+
+
+def _operators(monitored: Any) -> tuple[tuple[Obligation, ...], ...]:
+    return tuple(map(tuple, monitored.track_obligations()))
 
 
 def _refuse_twice(env: Any, name: str, observe: Observe) -> None:

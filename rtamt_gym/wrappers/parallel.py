@@ -17,7 +17,7 @@ from rtamt_gym.judging.monitor_set import Assessment
 from rtamt_gym.judging.monitors import MonitorValues
 from rtamt_gym.judging.specs import ConstantValue, SpecsLike
 from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, documents_options
-from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
+from rtamt_gym.shaping import Mode, Priority, least
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.sources import agent_sources
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
@@ -401,9 +401,7 @@ class ParallelStlReward(Rewarding, ParallelWrapper):
         self._potential = after
         shaping, settled = self._shaping, 0.0
         if self._settles:
-            newest = outcome(least(values.lower), least(values.upper))
-            settled = settle(self._outcome, newest, shaping.bonus, shaping.penalty)
-            self._outcome = newest
+            settled = self._settle(least(values.lower), least(values.upper))
         shaped: dict[Any, Any] = {}
         infos = dict(infos)
         for agent, reward in rewards.items():

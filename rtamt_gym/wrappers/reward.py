@@ -61,21 +61,21 @@ class Rewarding(Observing):
     """The base of `StlReward`, `VectorStlReward` and `ParallelStlReward`."""
 
     _monitor: Any
+    _outcome: Any
+    """The `outcome` of the newest samples."""
     _followed = 0
     """The number of changes of constants that it has applied."""
 
     def _set_up(
         self, env: Any, options: ShapingOptions, observe: Observe | None = None, num: int = 1
     ) -> None:
-        monitors = self._monitor.monitors
-        self._shaping = shaping = Shaping.of(list(monitors), **options)
+        self._shaping = shaping = Shaping.of(list(self._monitor.monitors), **options)
         self._settles = shaping.settles
         self._set_up_observations(
             env,
             observe,
             shaping.clip,
-            monitors,
-            self._monitor.track_obligations,
+            self._monitor,
             shaping.weights,
             whole_episode=shaping.pays_episode,
         )
@@ -102,7 +102,7 @@ class Rewarding(Observing):
         """Apply a change of constants; refuse starts with unknown values in these environments."""
         monitor = self._monitor
         if self._followed != monitor.constant_changes:
-            self._follow_monitors(monitor.monitors, monitor.track_obligations)
+            self._follow_monitors(monitor)
             self._followed = monitor.constant_changes
         if not monitor.unknown_allowed:
             return
@@ -130,6 +130,13 @@ class Rewarding(Observing):
         if self._shaping.pays_bounds:
             return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))
+
+    def _settle(self, lower: Numeric, upper: Numeric) -> Numeric:
+        """Return the bonus or the penalty of a step with these bounds of the minimum."""
+        newest = outcome(lower, upper)
+        paid = settle(self._outcome, newest, self._shaping.bonus, self._shaping.penalty)
+        self._outcome = newest
+        return paid
 
     def _watch_start(self, paying: Sequence[Any], entries: Entries | None = None) -> None:
         """Count the robustness at the start of episodes for the warning about the clip."""
@@ -344,9 +351,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         shaping = self._shaping
         shaped = shaping.reward(own, before, after, terminated, ended)
         if self._settles:
-            now = outcome(float(info["stl_lower"]), float(info["stl_upper"]))
-            shaped += settle(self._outcome, now, shaping.bonus, shaping.penalty)
-            self._outcome = now
+            shaped += self._settle(float(info["stl_lower"]), float(info["stl_upper"]))
         self._return += shaped
         if self._fresh:
             info["reward"] = np.float64(own)
@@ -506,9 +511,7 @@ class VectorStlReward(Rewarding, StaysOpen, VectorWrapper, RecordConstructorArgs
             own, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
         )
         if self._settles:
-            newest = outcome(least(last.lower), least(last.upper))
-            shaped += settle(self._outcome, newest, shaping.bonus, shaping.penalty)
-            self._outcome = newest
+            shaped += self._settle(least(last.lower), least(last.upper))
             if last is not now:
                 self._outcome[ended] = 0.0
         self._returns += shaped

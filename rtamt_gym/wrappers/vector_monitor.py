@@ -152,9 +152,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         self._autoreset = autoreset_mode(env)
         self._check_can_end(options)
         self._monitor_set = monitor_set = self._make_monitor_set(loaded)
-        self._set_up_observations(
-            env, observe, clip, monitor_set.monitors, monitor_set.track_obligations
-        )
+        self._set_up_observations(env, observe, clip, monitor_set)
         period = monitor_set.period
         make = None if period is None else partial(self._step_time, period=float(period))
         self._times = StepTimes(env, make)
@@ -460,13 +458,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         if self._live is not None and self._live.shows(ended):
             self._live.end(self._monitor_set, ended)
         outcomes, success, undecided = monitor_set.ends(index)
-        violated = monitor_set.any_violated(index)
-        violation = (
-            outcomes,
-            violated,
-            monitor_set.violated_by(index),
-            monitor_set.violated_at.take(index),
-        )
+        violation = outcomes, *monitor_set.first_violations(index)
         own: Entries | None = None
         has_own = np.zeros(len(index), np.bool_)
         if "is_success" in infos:
@@ -493,16 +485,9 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         monitor_set.finish(cut, self._at_truncation)
         if self._live is not None:
             self._live.end(self._monitor_set, cut)
-        violated = monitor_set.any_violated(index)
-        ends = (
-            monitor_set.outcomes(index),
-            violated,
-            monitor_set.violated_by(index),
-            monitor_set.violated_at[index],
-        )
-        self._episodes.append(
-            index, record(*ends, monitor_set.samples[index], ~cut[index], cut[index])
-        )
+        violation = monitor_set.outcomes(index), *monitor_set.first_violations(index)
+        flags = ~cut[index], cut[index]
+        self._episodes.append(index, record(*violation, monitor_set.samples[index], *flags))
         return True
 
 
