@@ -13,13 +13,12 @@ from parallel_environments import Crew
 
 from rtamt.errors import InputError
 from rtamt_gym import Step
-from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, parse_signals
+from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike
 from rtamt_gym.signals.sources import agent_sources
 
 AGENTS = ["scout_0", "scout_1", "'s:2"]
 CREW = Crew(dict.fromkeys(AGENTS, (1.0, 2.0)))
 NAMES = {agent: agent for agent in AGENTS}
-HINT = "  hint: write scout_0: obs[2], scout_0: action[0], scout_0: reward or scout_0: info['key']"
 
 
 def parse(value: SignalLike, *, hold: bool = False) -> ParsedSignal:
@@ -102,46 +101,3 @@ def test_agent_info_at_reset(hold: bool) -> None:  # noqa: FBT001
     assert read(seen, None, None, infos) == 14.0
     assert read(seen, None, None, {"scout_1": {}}) == 5.0
     assert read(seen, None, None, {}) == 5.0
-
-
-WORDS = "one of the agents scout_0, scout_1, \"'s:2\", and ':'"
-
-
-@pytest.mark.parametrize(
-    ("selector", "column", "wrong"),
-    [
-        ("", 1, f"expected {WORDS}, got the end of the selector"),
-        ("obs[2]", 1, f"expected {WORDS}, got 'obs'"),
-        ("scuot_0: obs[2]", 1, f"expected {WORDS}, got 'scuot_0'"),
-        ("[scout_0]: obs[2]", 1, f"expected {WORDS}, got '['"),
-        ("scout_0 obs[2]", 9, "expected ':' after the agent, got 'obs'"),
-        ("scout_0.obs[2]", 8, "expected ':' after the agent, got '.'"),
-        ("scout_0:", 9, "expected one of obs, action, reward, info, got the end of the selector"),
-        ("scout_0: qpos[2]", 10, "expected one of obs, action, reward, info, got 'qpos'"),
-        ("scout_0: info[0]", 15, "expected a key in quotes, scout_0: info['key'], got '0'"),
-    ],
-)
-def test_selector_syntax_errors(selector: str, column: int, wrong: str) -> None:
-    with pytest.raises(InputError) as caught:
-        parse(selector)
-    caret = " " * (column - 1) + "^"
-    expected = f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
-    assert str(caught.value) == expected
-
-
-def test_selector_outside_space_error() -> None:
-    with pytest.raises(InputError) as caught:
-        bind("scout_1: obs[2]")
-    assert str(caught.value) == (
-        "signal 'x': scout_1: obs[2] does not fit: the observation space has 2 elements there, "
-        "0 to 1; it is Box(shape=(2,), dtype=float64)"
-    )
-
-
-def test_missing_agent_signal_error() -> None:
-    with pytest.raises(InputError) as caught:
-        parse_signals({}, ["x"], agent_sources(NAMES, hold=False), agents=NAMES)
-    assert str(caught.value) == (
-        'variable \'x\' has no signal; pass signals={"x": "scout_0: obs[INDEX]"}'
-        ", or declare a constant: const float x = VALUE"
-    )

@@ -132,72 +132,6 @@ def test_any_text_parses_or_fails(text: str) -> None:
     assert parse_selector("signal 'x'", str(selector), MUJOCO) == selector
 
 
-FIELDS = "force, length, moment, velocity"
-UNFIT = [
-    (
-        "body:hnad.xpos[2]",
-        (
-            "signal 'x': body:hnad.xpos[2] names no body: Invalid name 'hnad'. "
-            "Valid names: ['arm', 'ball.1', 'hand', 'world']"
-        ),
-    ),
-    (
-        "sensor:gyro[0]",
-        (
-            "signal 'x': sensor:gyro[0] names no sensor: Invalid name 'gyro'. "
-            "Valid names: ['imu', 'rate', 'where']"
-        ),
-    ),
-    (
-        "contact:thumb,flor",
-        (
-            "signal 'x': contact:thumb,flor names no geom: Invalid name 'flor'. "
-            "Valid names: ['finger', 'floor', 'rod', 'skin', 'thumb']"
-        ),
-    ),
-    (
-        "geom:thumb.xps[2]",
-        (
-            "signal 'x': geom:thumb.xps[2] does not fit: expected a field ({geom}), got 'xps'; did "
-            "you mean 'xpos'?"
-        ),
-    ),
-    (
-        "contact:thumb,floor.dist",
-        (
-            "signal 'x': contact:thumb,floor.dist cannot be read from a contact; write "
-            "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
-        ),
-    ),
-    (
-        "contact:thumb,floor[0]",
-        (
-            "signal 'x': contact:thumb,floor[0] cannot be read from a contact; write "
-            "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
-        ),
-    ),
-    (
-        "body:hand.xpos[3]",
-        ("signal 'x': body:hand.xpos[3] does not fit: body:hand.xpos has 3 elements, 0 to 2"),
-    ),
-    ("sensor:rate[1]", "signal 'x': sensor:rate[1] does not fit: sensor:rate has 1 element, [0]"),
-    ("act[0]", "signal 'x': act[0] does not fit: act has no elements"),
-    ("body:hand.xpos", "signal 'x': expected one index, body:hand.xpos[0], got body:hand.xpos"),
-    ("qpos[0][0]", "signal 'x': expected one index, qpos[0], got qpos[0][0]"),
-    ("time[1]", "signal 'x': time[1] does not fit: time has 1 element, [0]"),
-]
-
-
-@pytest.mark.parametrize(("selector", "message"), UNFIT)
-def test_selector_outside_model_error(selector: str, message: str) -> None:
-    model, data = arm()
-    geom = data.geom(0)
-    fields = [n for n in dir(geom) if isinstance(getattr(geom, n), np.ndarray)]
-    with pytest.raises(InputError) as caught:
-        reader(selector, model, data)
-    assert str(caught.value) == message.replace("{geom}", ", ".join(fields))
-
-
 def test_computed_attribute_is_not_a_field() -> None:
     model, data = arm()
     motor = data.actuator("motor")
@@ -222,45 +156,6 @@ def test_derive_keeps_warm_start(monkeypatch: pytest.MonkeyPatch) -> None:
     derive(model, data)
     assert np.array_equal(data.qacc_warmstart, before)
     assert not np.array_equal(data.qacc, before)
-
-
-HINT = "  hint: write qpos[0], body:torso.xpos[2] or sensor:imu[0]"
-SOURCES = f"expected one of {', '.join(MUJOCO)}"
-
-
-@pytest.mark.parametrize(
-    ("selector", "column", "wrong"),
-    [
-        ("obs[2]", 1, f"{SOURCES}, got 'obs'"),
-        ("body", 5, "expected ':' and a name, body:torso.xpos[2], got the end of the selector"),
-        ("body.torso", 5, "expected ':' and a name, body:torso.xpos[2], got '.'"),
-        ("body:", 6, "expected a name, got the end of the selector"),
-        ("body: .xpos", 7, "expected a name, got '.'"),
-        ("body:''.xpos", 6, "expected a name, got \"''\""),
-        (
-            "body:torso",
-            11,
-            "expected '.' and a field, body:torso.xpos[2], got the end of the selector",
-        ),
-        ("body:torso[2]", 11, "expected '.' and a field, body:torso.xpos[2], got '['"),
-        ("body:torso.", 12, "expected the name of a field, got the end of the selector"),
-        ("body:torso.2", 12, "expected the name of a field, got '2'"),
-        ("body:a,b.xpos", 7, "expected '.' and a field, body:torso.xpos[2], got ','"),
-        ("contact:a,b,c", 12, "expected '[' or the end of the selector, got ','"),
-        ("contact:a,", 11, "expected a name, got the end of the selector"),
-        ("sensor:a b", 10, "expected '[' or the end of the selector, got 'b'"),
-        ("sensor:'a", 8, 'expected a name, got "\'"'),
-        ("qpos.x", 5, "expected '[' or the end of the selector, got '.'"),
-    ],
-)
-def test_selector_syntax_errors(selector: str, column: int, wrong: str) -> None:
-    with pytest.raises(InputError) as caught:
-        parse_selector("signal 'x'", selector, MUJOCO)
-    caret = " " * (column - 1) + "^"
-    assert (
-        str(caught.value)
-        == f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
-    )
 
 
 def test_selectors_of_environment() -> None:
