@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -13,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from replay import Replay, X
 
-from rtamt.errors import InputError
 from rtamt_gym import CostEnv, StlMonitor, StlReward
 
 COSTS = ["violation", "depth", "latched", "first"]
@@ -79,32 +77,6 @@ def test_the_monitor_may_be_below_other_wrappers() -> None:
     env = CostEnv(gym.wrappers.TimeLimit(monitored([0, 3, 0]), 1))
     env.reset()
     assert env.step(np.array([0.5]))[2:5] == (1.0, False, True)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda: monitored([0, 3], None),
-            (
-                "expected a monitor with cost=, got StlMonitor without; give it "
-                'cost="violation", "depth", "latched" or "first"'
-            ),
-        ),
-        (
-            lambda: gym.wrappers.TimeLimit(Replay([0, 3]), 5),
-            (
-                "expected an environment with an StlMonitor, which adds the cost, got "
-                "<TimeLimit<Replay instance>>; such as "
-                'CostEnv(StlMonitor(env, specs, signals, cost="violation"))'
-            ),
-        ),
-    ],
-)
-def test_an_environment_without_a_cost_is_refused(make: Callable[[], Any], message: str) -> None:
-    with pytest.raises(InputError) as caught:
-        CostEnv(make())
-    assert str(caught.value) == message
 
 
 def test_it_is_made_again_from_its_specification_and_pickled() -> None:

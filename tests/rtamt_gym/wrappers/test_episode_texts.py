@@ -15,7 +15,7 @@ from replay import Replay, X, run
 from vector_environments import Envs, sync
 
 import rtamt
-from rtamt import InputError, SpecificationError
+from rtamt import SpecificationError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.options.evaluation import View
@@ -234,23 +234,6 @@ def test_a_demand_that_only_the_end_settles_has_no_cost_of_an_instant(
 
 def monitored() -> gym.Env[Any, Any]:
     return StlMonitor(Replay([3, 3]), INVARIANT, X)
-
-
-def test_a_monitor_around_a_monitor_is_refused() -> None:
-    text = (
-        "expected an environment without a monitor, got one with {}; give one monitor all "
-        'specifications, such as specs={{"upright": "always(abs(angle) < 0.1)", '
-        '"near": "always(abs(x) < 1)"}}'
-    )
-    with pytest.raises(InputError) as caught:
-        StlMonitor(gym.wrappers.TimeLimit(monitored(), 9), INVARIANT, X)
-    assert str(caught.value) == text.format("StlMonitor")
-    with pytest.raises(InputError) as caught:
-        VectorStlMonitor(VectorStlMonitor(bare(), INVARIANT, X), INVARIANT, X)
-    assert str(caught.value) == text.format("VectorStlMonitor")
-    with pytest.raises(InputError) as caught:
-        VectorStlMonitor(sync([monitored], AutoresetMode.NEXT_STEP), INVARIANT, X)
-    assert str(caught.value) == text.format("StlMonitor around each of its environments")
 
 
 # ---- time limits outside ----

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -17,7 +17,6 @@ from gymnasium.wrappers import TimeLimit
 from replay import Replay, X
 from vector_environments import MODES, Make, both, difference, native, trajectory
 
-from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
 pytestmark = pytest.mark.filterwarnings(
@@ -190,60 +189,6 @@ def test_a_reward_around_it_shapes_what_it_would_without() -> None:
     (seen, *_), *steps = rollout(env)
     assert len(seen) == 16
     assert equal([step[1:] for step in steps], [step[1:] for step in rollout(alone)[1:]])
-
-
-def refused(make: Callable[[], object]) -> str:
-    with pytest.raises(InputError) as caught:
-        make()
-    return str(caught.value)
-
-
-def test_what_is_appended_twice_is_refused() -> None:
-    env = TimeLimit(StlMonitor(Replay([1]), "always(x > 1)", X, observe="state"), 9)
-    assert refused(lambda: StlReward(env, mode="add", observe="state")) == (
-        "observe='state' of StlReward would repeat the values that observe='state' of the inner "
-        "StlMonitor appends; pass observe= to one wrapper only"
-    )
-    assert (
-        "observe='obligations' of StlReward would repeat the values that observe='state'"
-        in refused(lambda: StlReward(env, mode="add", observe="obligations"))
-    )
-    envs = VectorStlMonitor(native(2), "always(x > 1)", X, observe="state")
-    assert refused(lambda: VectorStlReward(envs, mode="add", observe="state")) == (
-        "observe='state' of VectorStlReward would repeat the values that observe='state' of the "
-        "inner VectorStlMonitor appends; pass observe= to one wrapper only"
-    )
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"observe": "all"}, "expected observe=None or 'state' or 'obligations', got 'all'"),
-        ({"observe": True}, "expected observe=None or 'state' or 'obligations', got True"),
-        ({"clip": 0}, "expected clip= as a finite number above 0, got 0"),
-        ({"clip": np.inf}, "expected clip= as a finite number above 0, got inf"),
-    ],
-)
-def test_options_that_say_nothing_are_refused(options: Any, message: str) -> None:
-    assert refused(lambda: StlMonitor(Replay([1]), "always(x > 1)", X, **options)) == message
-    assert refused(lambda: VectorStlMonitor(native(2), "always(x > 1)", X, **options)) == message
-
-
-def test_observations_that_cannot_grow_are_refused() -> None:
-    lake = gym.make("FrozenLake-v1")
-    assert refused(lambda: StlMonitor(lake, "always(s < 9)", {"s": "obs"}, observe="state")) == (
-        "expected observations as a Box of one dimension or a Dict for observe='state', got "
-        "Discrete(16); flatten them first: gymnasium.wrappers.FlattenObservation"
-    )
-
-
-def test_signals_read_the_observation_of_the_environment() -> None:
-    pole = gym.make("CartPole-v1")
-    result = refused(lambda: StlMonitor(pole, "always(x > 1)", {"x": "obs[4]"}, observe="state"))
-    assert result == (
-        "signal 'x': obs[4] does not fit: the observation space has 4 elements there, 0 to 3; it "
-        "is Box(shape=(4,), dtype=float32)"
-    )
 
 
 # ---- pending obligations ----

@@ -15,9 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from parallel_environments import Crew
 from replay import Replay, X, run
-from vector_environments import Make, both, difference, sync, trajectory
+from vector_environments import Make, both, difference, trajectory
 
-from rtamt.errors import InputError
 from rtamt_gym import ParallelStlMonitor, StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 
 SPECS = {"near": "always[0:2](x > 1)", "there": "eventually(x > 5)"}
@@ -130,28 +129,6 @@ def test_many_environments_end_as_each_does(how: str, on_violation: str, *, rewa
     one, many = (StlReward, VectorStlReward) if reward else (StlMonitor, VectorStlMonitor)
     together, singles = both(one, many, makes, AutoresetMode.DISABLED, SPECS, X, **options)
     assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
-
-
-def test_environments_that_reset_by_themselves_cannot_be_ended() -> None:
-    makes: list[Make] = [functools.partial(Replay, SERIES, "terminated")]
-    with pytest.raises(InputError) as caught:
-        VectorStlMonitor(
-            sync(makes, AutoresetMode.NEXT_STEP), SPECS, X, period=1, on_satisfaction="truncate"
-        )
-    assert str(caught.value) == (
-        "on_satisfaction='truncate' needs an environment that the caller resets, "
-        "AutoresetMode.DISABLED, got AutoresetMode.NEXT_STEP of SyncVectorEnv(num_envs=1); wrap "
-        "each environment, gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with "
-        "StlMonitor, or take on_satisfaction='report'"
-    )
-
-
-def test_another_word_is_refused() -> None:
-    with pytest.raises(InputError) as caught:
-        monitored(SERIES, on_satisfaction="stop")
-    assert str(caught.value) == (
-        "expected on_satisfaction='report' or 'terminate' or 'truncate', got 'stop'"
-    )
 
 
 def test_the_argument_is_recorded() -> None:

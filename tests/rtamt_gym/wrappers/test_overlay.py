@@ -16,7 +16,6 @@ from gymnasium.wrappers import RenderCollection
 from painted import Painted, Picture, numbers
 from replay import X
 
-from rtamt.errors import InputError, InputTypeError
 from rtamt_gym import RobustnessOverlay, StlMonitor, StlReward
 from rtamt_gym.wrappers.overlay import Gauge, OverlayPanel, PanelPlace, Sight
 
@@ -224,38 +223,3 @@ def test_signals_can_be_chosen() -> None:
         frames(made(Painted(VALUES), signals=signals))[0].shape[0] for signals in (None, ["x"], ())
     ]
     assert heights[0] == heights[1] > heights[2]
-
-
-def test_what_cannot_be_drawn_is_refused() -> None:
-    with pytest.raises(InputError) as none:
-        RobustnessOverlay(Painted(VALUES))
-    assert str(none.value) == (
-        "RobustnessOverlay needs an StlMonitor or StlReward inside of it, got none in "
-        "<Painted instance>; wrap the environment first: RobustnessOverlay(StlMonitor(env, "
-        '"always(x > 0)", {"x": "obs[0]"}))'
-    )
-    for mode in (None, "ansi"):
-        with pytest.raises(InputError) as pictures:
-            made(Painted(VALUES, render_mode=mode))
-        assert str(pictures.value) == (
-            f"RobustnessOverlay needs pictures, got render_mode={mode!r} of "
-            "<StlMonitor<Painted instance>, period 0.5 s>; make it with "
-            'gym.make(..., render_mode="rgb_array")'
-        )
-    with pytest.raises(InputError) as unknown:
-        made(Painted(VALUES), signals=["y"])
-    assert str(unknown.value) == (
-        "signals= names an unknown signal 'y'; the signals of the monitor are 'x'"
-    )
-    with pytest.raises(InputTypeError) as text:
-        made(Painted(VALUES), signals="x")
-    assert str(text.value) == "expected signals= as a sequence of names, got 'x'; such as [\"x\"]"
-    with pytest.raises(InputTypeError) as many:
-        RobustnessOverlay(gym.make_vec("CartPole-v1", 2))  # type: ignore[arg-type]
-    assert str(many.value) == (
-        "expected one environment for RobustnessOverlay, got CartPoleVectorEnv(CartPole-v1, "
-        "num_envs=2); wrap each one: gym.make_vec(..., vectorization_mode='sync', wrappers=[...])"
-    )
-    with pytest.raises(InputError) as place:
-        made(Painted(VALUES), place="above")
-    assert str(place.value) == "expected place='below' or 'over', got 'above'; did you mean 'over'?"

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.wrappers import FlattenObservation, TimeLimit
 from replay import Replay, X, shaping_options
 
-from rtamt.errors import InputError, ParseError
+from rtamt.errors import InputError
 from rtamt_gym import StlMonitor, StlReward
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import OnViolation
@@ -299,63 +299,10 @@ def test_the_terminal_mode_of_the_step_view_shows_what_it_pays() -> None:
     assert [obs[1] for obs in observed(env)] == [0.5, -0.25, -0.25]
 
 
-# ---- refusals ----
-
-
 def refused(env: gym.Env[Any, Any], **arguments: Any) -> str:
     with pytest.raises(InputError) as caught:
         StlReward(env, **{"mode": "add", **arguments})
     return str(caught.value)
-
-
-def test_a_reward_without_a_monitor_is_refused() -> None:
-    assert refused(Replay([1])) == (
-        "expected specs=, or an environment with an StlMonitor, got neither; "
-        'such as specs="always(x > 0)", signals={"x": "obs[0]"}'
-    )
-    assert refused(Replay([1]), specs="always(x > 1)") == (
-        "expected signals=, or an environment with an StlMonitor, got neither; "
-        'such as specs="always(x > 0)", signals={"x": "obs[0]"}'
-    )
-
-
-def test_a_second_monitor_is_refused() -> None:
-    env = TimeLimit(StlMonitor(Replay([1]), "always(x > 1)", X), 9)
-    assert refused(env, specs="always(x > 2)", period=1) == (
-        "specs=, period= would describe a second monitor, but the environment has an StlMonitor; "
-        "give them to that one"
-    )
-
-
-def test_a_reward_around_a_reward_is_refused() -> None:
-    inner = StlReward(Replay([1]), "always(x > 1)", X, mode="add")
-    for env in (inner, TimeLimit(inner, 9)):
-        for given in ({}, {"specs": "always(x > 2)", "signals": X}):
-            assert refused(env, **given) == (
-                "expected an environment without a reward of its requirements, got one with "
-                "StlReward; give one wrapper all specifications, with "
-                'weights={"upright": 1.0, "near": 0.5} or priorities='
-            )
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("weight", True), ("clip", True), ("gamma", True), ("bonus", False), ("penalty", True)],
-)
-def test_a_flag_is_no_number(name: str, value: bool) -> None:  # noqa: FBT001
-    given = {"specs": "always(x > 1)", "signals": X}
-    assert f"expected {name}= as a finite number" in refused(Replay([1]), **given, **{name: value})
-    assert "expected weights['spec']= as a finite number above 0, got True" in refused(
-        Replay([1]), **given, weights={"spec": True}
-    )
-
-
-def test_what_the_monitor_refuses_the_reward_refuses() -> None:
-    with pytest.raises(ParseError):
-        StlReward(Replay([1]), "always(x >", X, mode="add")
-    assert refused(Replay([1]), specs="always(x > 1)", signals=X, cost="square") == (
-        "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'"
-    )
 
 
 def test_observations_that_cannot_grow_are_refused() -> None:

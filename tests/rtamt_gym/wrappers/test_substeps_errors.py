@@ -15,14 +15,6 @@ from rtamt.errors import InputError, SpecificationError, StateError
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 
 
-class OwnLoop(InvertedPendulumEnv):
-    """Steps its simulation in a function that it has overridden."""
-
-    def _step_mujoco_simulation(self, ctrl: Any, n_frames: int) -> None:
-        self.data.ctrl[:] = ctrl
-        mujoco.mj_step(self.model, self.data, nstep=n_frames)
-
-
 class OwnStep(InvertedPendulumEnv):
     """Steps its simulation without the function that is followed."""
 
@@ -32,78 +24,6 @@ class OwnStep(InvertedPendulumEnv):
 
     def __str__(self) -> str:
         return "<OwnStep>"
-
-
-NEEDS = (
-    " is unknown during a step, and substeps=True samples there; read the simulation "
-    "instead, such as qpos[0], body:torso.xpos[2], vehicle.speed, or a callable that "
-    "reads step.env"
-)
-
-
-@pytest.mark.parametrize(
-    ("env", "signal", "message"),
-    [
-        ("InvertedPendulum-v5", "obs[1]", f"signal 'x': obs[1]{NEEDS}"),
-        ("InvertedPendulum-v5", ("reward", 0.0), f"signal 'x': reward{NEEDS}"),
-        ("InvertedPendulum-v5", ("info['a']", 0.0), f"signal 'x': info['a']{NEEDS}"),
-        (
-            "InvertedPendulum-v5",
-            "vehicle.speed",
-            (
-                "signal 'x': cannot read vehicle.speed of InvertedPendulumEnv: "
-                "'InvertedPendulumEnv' object has no attribute 'vehicle'"
-            ),
-        ),
-        (
-            "highway_env:parking-v0",
-            "vehicle.sped",
-            (
-                "signal 'x': cannot read vehicle.sped of ParkingEnv: "
-                "'Vehicle' object has no attribute 'sped'; did you mean 'speed'?"
-            ),
-        ),
-        (
-            "highway_env:parking-v0",
-            "vehicle.position[2]",
-            (
-                "signal 'x': cannot read vehicle.position[2] of ParkingEnv: "
-                "index 2 is out of bounds for axis 0 with size 2"
-            ),
-        ),
-        (
-            "highway_env:parking-v0",
-            "qpos[0]",
-            (
-                "signal 'x': qpos[0] needs a MuJoCo environment, and ParkingEnv has no MjData "
-                "as its data; read obs[...] instead"
-            ),
-        ),
-        (
-            "CartPole-v1",
-            "qpos[0]",
-            (
-                "substeps=True needs a MujocoEnv of Gymnasium or an environment of highway-env, "
-                "got <CartPoleEnv<CartPole-v1>>; leave it out"
-            ),
-        ),
-        (
-            OwnLoop,
-            "qpos[0]",
-            (
-                "substeps=True exchanges MujocoEnv._step_mujoco_simulation, and OwnLoop overrides "
-                "it; omit substeps=True"
-            ),
-        ),
-    ],
-)
-def test_what_cannot_be_followed_is_refused_at_construction(
-    env: Any, signal: Any, message: str
-) -> None:
-    made = gym.make(env) if isinstance(env, str) else env()
-    with pytest.raises(InputError) as caught:
-        StlMonitor(made, "always(x < 1)", {"x": signal}, substeps=True)
-    assert str(caught.value) == message
 
 
 def test_a_bound_must_be_a_multiple_of_the_simulations_period_only() -> None:

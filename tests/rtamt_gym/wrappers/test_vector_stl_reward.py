@@ -131,32 +131,3 @@ def test_a_monitor_that_is_there_is_used() -> None:
         "specs=, period= would describe a second monitor, but the environment has a "
         "VectorStlMonitor; give them to that one"
     )
-
-
-def test_a_reward_around_a_reward_is_refused() -> None:
-    inner = VectorStlReward(native(2), "always(x > 1)", X, mode="add", observe="state")
-    requirement: dict[str, Any] = {"specs": "always(x > 2)", "signals": X}
-    envs: list[Any] = [inner, DtypeObservation(inner, np.float64)]
-    for env in envs:
-        for given in ({}, requirement, {"observe": "state"}):
-            with pytest.raises(InputError) as caught:
-                VectorStlReward(env, **given, mode="add")
-            assert str(caught.value) == (
-                "expected an environment without a reward of its requirements, got one with "
-                "VectorStlReward; give one wrapper all specifications, with "
-                'weights={"upright": 1.0, "near": 0.5} or priorities='
-            )
-        with pytest.raises(InputError, match="without a monitor, got one with VectorStlMonitor"):
-            VectorStlMonitor(env, **requirement)
-    make = functools.partial(StlReward, Replay([2]), "always(x > 1)", X, mode="add")
-    with pytest.raises(InputError, match="got one with StlMonitor around each of its environments"):
-        VectorStlReward(sync([make] * 2, AutoresetMode.NEXT_STEP), **requirement, mode="add")
-
-
-def test_a_reward_without_a_monitor_is_refused() -> None:
-    with pytest.raises(InputError) as caught:
-        VectorStlReward(native(2), "always(x > 0)", mode="add")
-    assert str(caught.value) == (
-        "expected signals=, or an environment with a VectorStlMonitor, got neither; such as "
-        'specs="always(x > 0)", signals={"x": "obs[0]"}'
-    )

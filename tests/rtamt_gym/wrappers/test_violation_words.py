@@ -155,41 +155,6 @@ def test_mapping_is_part_of_the_specification_of_the_environment() -> None:
     assert info["stl_violated_at"] < steps  # reported, and the pole fell later
 
 
-WANTED = "'terminate' or 'truncate' or 'report'"
-ERRORS: dict[str, Any] = {
-    'on_violation= has no word for \'c\'; add \'c\': "terminate", "truncate" or "report"': {
-        "a": "report",
-        "b": "report",
-    },
-    f"expected on_violation['b']={WANTED}, got 'stop'": {**MIXED, "b": "stop"},
-    f"expected on_violation['b']={WANTED}, got 'reprot'; did you mean 'report'?": {
-        **MIXED,
-        "b": "reprot",
-    },
-    f"expected on_violation['b']={WANTED}, got None": {**MIXED, "b": None},
-    "on_violation= names an unknown specification 'safe'; the specifications are 'a', 'b', 'c'; "
-    "leave it out": {**MIXED, "safe": "report"},
-    "on_violation= names an unknown specification 3; the specifications are 'a', 'b', 'c'; "
-    "leave it out": {**MIXED, 3: "report"},
-    f"expected on_violation={WANTED}, got ['terminate']": ["terminate"],
-}
-
-
-@pytest.mark.parametrize(("message", "words"), ERRORS.items())
-def test_unknown_names_and_words_are_errors_at_construction(message: str, words: Any) -> None:
-    envs = sync([lambda: Replay(CAST[0])], AutoresetMode.DISABLED)
-    for make in (
-        lambda: StlMonitor(Replay(CAST[0]), SPECS, X, on_violation=words),
-        lambda: VectorStlMonitor(envs, SPECS, X, on_violation=words),
-        lambda: ParallelStlMonitor(
-            Crew({"one": CAST[0]}), SPECS, {"x": "one: obs[0]"}, on_violation=words
-        ),
-    ):
-        with pytest.raises(InputError) as error:
-            make()
-        assert str(error.value) == message
-
-
 def test_mapping_that_ends_episodes_needs_environments_that_the_caller_resets() -> None:
     envs = sync([lambda: Replay(CAST[0])], AutoresetMode.NEXT_STEP)
     with pytest.raises(InputError, match="needs an environment that the caller resets"):
