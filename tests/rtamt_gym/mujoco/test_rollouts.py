@@ -7,7 +7,7 @@ import mujoco.rollout  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
-from rtamt import InputError, evaluate
+from rtamt import evaluate
 from rtamt_gym import StepMonitor
 from rtamt_gym.mujoco import evaluate_rollouts
 
@@ -106,67 +106,3 @@ def test_bounds_count_steps_with_a_period_of_1() -> None:
     seconds = evaluate_rollouts(model, "always[0:0.05](z > 0)", {"z": "qpos[2]"}, states)
     steps = evaluate_rollouts(model, "always[0:5](z > 0)", {"z": "qpos[2]"}, states, period=1)
     assert np.array_equal(seconds["spec"], steps["spec"])
-
-
-@pytest.mark.parametrize(
-    ("reads", "message"),
-    [
-        (
-            "body:pole.xpos[2]",
-            (
-                "signal 'x': body:pole.xpos[2] is neither in the states nor in the sensordata of "
-                "a rollout; add a sensor to the model and read sensor:NAME[0]"
-            ),
-        ),
-        (
-            "contact:ball,floor",
-            (
-                "signal 'x': contact:ball,floor is neither in the states nor in the sensordata of "
-                "a rollout; add a sensor to the model and read sensor:NAME[0]"
-            ),
-        ),
-        (
-            "ctrl[0]",
-            (
-                "signal 'x': ctrl[0] is neither in the states nor in the sensordata of a rollout; "
-                "add a sensor to the model and read sensor:NAME[0]"
-            ),
-        ),
-        ("sensor:tip[2]", "signal 'x': sensor:tip[2] needs sensordata=, got none"),
-        (
-            lambda model, data: 1.0,  # noqa: ARG005
-            (
-                "signal 'x': a function reads a running simulation, and a rollout is over; give a "
-                "selector"
-            ),
-        ),
-        ("qpos[8]", "signal 'x': qpos[8] does not fit: qpos has 8 elements, 0 to 7"),
-    ],
-)
-def test_what_is_not_in_a_rollout_is_refused(reads: Any, message: str) -> None:
-    model, _, _, states, _ = rolled_out("Euler")
-    with pytest.raises(InputError) as refused:
-        evaluate_rollouts(model, "always(x > 0)", {"x": reads}, states)
-    assert str(refused.value) == message
-
-
-def test_arrays_of_another_model_are_refused() -> None:
-    model, _, _, states, sensed = rolled_out("Euler")
-    z = {"z": "qpos[2]"}
-    with pytest.raises(InputError) as refused:
-        evaluate_rollouts(model, "always(z > 0)", z, states[0])
-    assert str(refused.value) == (
-        "expected states of shape (rollouts, steps, 17), as many numbers as the model's "
-        "mjSTATE_FULLPHYSICS has, got shape (80, 17)"
-    )
-    with pytest.raises(InputError) as refused:
-        evaluate_rollouts(model, "always(z > 0)", z, states, sensed[:, :, :2])
-    assert str(refused.value) == (
-        "expected sensordata of shape (rollouts, steps, 4), as many numbers as the sensors of the "
-        "model have, got shape (4, 80, 2)"
-    )
-    with pytest.raises(InputError) as refused:
-        evaluate_rollouts(model, "always(z > 0)", z, states, sensed[:, 1:])
-    assert str(refused.value) == (
-        "expected as many rollouts and steps of sensordata as of states, got (4, 79) and (4, 80)"
-    )

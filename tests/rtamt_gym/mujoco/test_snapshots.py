@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
-from rtamt import InputError, InputTypeError
+from rtamt import InputError
 from rtamt_gym import StepMonitor
 from rtamt_gym.options.evaluation import View
 from rtamt_gym.results import Snapshot
@@ -119,20 +119,6 @@ def test_what_is_derived_is_there_at_once_where_the_monitor_derives_it() -> None
     assert monitor.values == values
 
 
-def test_a_snapshot_of_another_model_is_refused() -> None:
-    monitor = monitored("Euler")
-    monitor.reset()
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>"
-    )
-    other = StepMonitor(model, mujoco.MjData(model), "always(x > 0)", {"x": "qpos[0]"})
-    with pytest.raises(InputError) as refused:
-        Snapshot.of(monitor).restore(other)
-    assert str(refused.value) == (
-        "expected a snapshot of the same model, with 17 numbers of state, got one with 81"
-    )
-
-
 def test_a_snapshot_of_other_specifications_is_refused_and_changes_nothing() -> None:
     monitor = monitored("Euler")
     played(monitor, np.ones(20))
@@ -148,9 +134,5 @@ def test_a_snapshot_of_other_specifications_is_refused_and_changes_nothing() -> 
     other.step()
 
 
-def test_a_snapshot_is_of_a_step_monitor() -> None:
-    with pytest.raises(InputTypeError) as refused:
-        Snapshot.of(1)  # type: ignore[arg-type]
-    assert str(refused.value) == "expected a StepMonitor, got 1"
-    monitor = monitored("Euler")
-    assert repr(Snapshot.of(monitor)) == "<Snapshot with 81 numbers of state>"
+def test_a_snapshot_tells_its_size() -> None:
+    assert repr(Snapshot.of(monitored("Euler"))) == "<Snapshot with 81 numbers of state>"
