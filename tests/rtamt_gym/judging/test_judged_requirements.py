@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 
 import rtamt
-from rtamt_gym import StepMonitor, StlMonitor, simulate
+from rtamt_gym import StepMonitor, StlMonitor
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.specs import load_specs
 from rtamt_gym.mujoco import evaluate_rollouts
-from rtamt_gym.options.evaluation import View
 
 TEXT = """\
 const float LIMIT = 0.1
@@ -54,35 +52,6 @@ def test_text_equals_named_requirements() -> None:
     assert one == several
     assert list(one[0]["stl"]) == ["upright", "near", "calm"]
     assert one[-1]["stl_violated_by"] == "near"
-
-
-@pytest.mark.parametrize("cost", get_args(Cost))
-@pytest.mark.parametrize("view", ["episode", "step"])
-def test_costs_match_single_requirements(cost: Cost, view: View) -> None:
-    text, apart = TEXT, APART
-    if view == "step":  # an instant cannot wait for a future without end
-        text = "lean = abs(angle); slow = lean < 0.01; calm = always[0:0.2](lean < 0.1)"
-        apart = {"slow": "abs(angle) < 0.01", "calm": "always[0:0.2](abs(angle) < 0.1)"}
-    signals = {name: SIGNALS[name] for name in SIGNALS if f"({name})" in " ".join(apart.values())}
-    one, several = (
-        infos(
-            StlMonitor(
-                gym.make("CartPole-v1"), specs, signals, view=view, cost=cost, on_violation="report"
-            )
-        )
-        for specs in (text, apart)
-    )
-    assert one == several
-    assert any(info.get("cost", 0.0) > 0.0 for info in one)
-
-
-def test_run_has_history_of_each_requirement() -> None:
-    runs = [
-        simulate(gym.make("CartPole-v1"), specs, SIGNALS, policy=lambda _: 0, seed=2, stop="end")
-        for specs in (TEXT, APART)
-    ]
-    assert runs[0] == runs[1]
-    np.testing.assert_equal(runs[0].replay(TEXT), runs[0].replay())
 
 
 def test_step_monitor_with_several_requirements() -> None:

@@ -83,22 +83,6 @@ def test_a_snapshot_is_restored_in_another_monitor_and_after_a_pickle() -> None:
     assert played(other, np.ones(50)) == expected
 
 
-def test_snapshots_of_snapshots_make_a_tree() -> None:
-    monitor = monitored("Euler")
-    played(monitor, np.ones(20))
-    first = Snapshot.of(monitor)
-    played(monitor, np.zeros(20))
-    second = Snapshot.of(monitor)
-    leaf = played(monitor, np.ones(20))
-    first.restore(monitor)
-    played(monitor, np.ones(30))
-    second.restore(monitor)
-    assert played(monitor, np.ones(20)) == leaf
-    first.restore(monitor)
-    played(monitor, np.zeros(20))
-    assert played(monitor, np.ones(20)) == leaf
-
-
 def test_a_finished_run_is_taken_back_to_where_it_still_ran() -> None:
     monitor = monitored("Euler")
     played(monitor, np.ones(20))

@@ -312,27 +312,3 @@ def test_a_copy_in_mid_run_continues_as_the_original(
             each.step()
     assert np.array_equal(twin.data.qpos, data.qpos)
     assert twin.violated_at == monitor.violated_at
-
-
-@integrators
-@pytest.mark.parametrize("view", ["episode", "step"])
-def test_a_state_rewinds_the_monitors(integrator: str, view: View) -> None:
-    model, data = arm(integrator)
-    text = "z < 0.2 implies eventually[0:0.1](z > 0.2)"
-    text = f"always({text})" if view == "episode" else text
-    monitor = StepMonitor(model, data, text, {"z": "qpos[4]"}, view=view)
-    monitor.run(0.1, swing)
-    kind = mujoco.mjtState.mjSTATE_INTEGRATION
-    place = np.empty(mujoco.mj_stateSize(model, kind))
-    mujoco.mj_getState(model, data, place, kind)
-    state = pickle.loads(pickle.dumps(monitor.state()))
-    runs = []
-    for _ in range(2):
-        mujoco.mj_setState(model, data, place, kind)
-        monitor.restore(state)
-        assert monitor.samples == 11
-        monitor.run(1.0, swing)
-        runs.append((monitor.samples, monitor.details, monitor.violated_at, data.qpos.copy()))
-    assert runs[0][:3] == runs[1][:3]
-    assert runs[0][2] is not None
-    assert np.array_equal(runs[0][3], runs[1][3])

@@ -1,5 +1,6 @@
 """Bounds that are not multiples of a step are rounded alike by monitors and simulations."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,35 +35,41 @@ def episode(specs: str, **options: Any) -> list[float]:
     return [env.step(i % 2)[4]["robustness"] for i in range(12)]
 
 
-@pytest.mark.parametrize("align", FITTING)
-def test_an_environment_is_monitored_as_with_the_rounded_bounds(align: str) -> None:
-    assert episode(MISFIT, align=align) == episode(FITTING[align])
-    part, fitting = (text[len("always(") : -1] for text in (MISFIT, FITTING[align]))
-    assert episode(part, align=align, view="step") == episode(fitting, view="step")
+def instants(text: str, **options: Any) -> list[float]:
+    """The same of the formula without its outer always, with ``view="step"``."""
+    return episode(text[len("always(") : -1], view="step", **options)
+
+
+def episodes(text: str, **options: Any) -> list[list[float]]:
+    """The robustness of two environments after each step."""
+    envs = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync")
+    env = rtamt_gym.VectorStlMonitor(envs, text, SIGNALS, **options)
+    env.reset(seed=3)
+    return [env.step(np.array([i % 2, 1]))[4]["robustness"].tolist() for i in range(8)]
+
+
+def simulation(text: str, **options: Any) -> list[float]:
+    """The robustness after each step of a simulation in MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    spec = text.replace("abs(x) < 0.03", "x > 0.99")
+    signals: Any = {"x": "body:ball.xpos[2]"}
+    monitor = rtamt_gym.StepMonitor(model, mujoco.MjData(model), spec, signals, **options)
+    return [monitor.step() for _ in range(6)]
+
+
+def rollouts(text: str, **options: Any) -> Any:
+    """The robustness of rollouts."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))
+    found = rtamt_gym.mujoco.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)
+    return found["spec"].tolist()
 
 
 @pytest.mark.parametrize("align", FITTING)
-def test_environments_are_monitored_as_with_the_rounded_bounds(align: Any) -> None:
-    result = []
-    for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
-        envs = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync")
-        env = rtamt_gym.VectorStlMonitor(envs, text, SIGNALS, **options)
-        env.reset(seed=3)
-        steps = [env.step(np.array([i % 2, 1]))[4]["robustness"].tolist() for i in range(8)]
-        result.append(steps)
-    assert result[0] == result[1]
-
-
-@pytest.mark.parametrize("align", FITTING)
-def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> None:
-    result = []
-    for text, options in ((MISFIT, {"align": align}), (FITTING[align], {})):
-        model = mujoco.MjModel.from_xml_string(MODEL)
-        data = mujoco.MjData(model)
-        spec = text.replace("abs(x) < 0.03", "x > 0.99")
-        monitor = rtamt_gym.StepMonitor(model, data, spec, {"x": "body:ball.xpos[2]"}, **options)
-        result.append([monitor.step() for _ in range(6)])
-    assert result[0] == result[1]
+@pytest.mark.parametrize("run", [episode, instants, episodes, simulation, rollouts])
+def test_monitored_as_with_the_rounded_bounds(run: Callable[..., Any], align: str) -> None:
+    assert run(MISFIT, align=align) == run(FITTING[align])
 
 
 @pytest.mark.parametrize("align", FITTING)
@@ -79,18 +86,6 @@ def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_pa
         assert again.align == align
         np.testing.assert_array_equal(again.replay()["s"], fitting.replay()["s"])
         np.testing.assert_array_equal(again.replay({"s": MISFIT})["s"], fitting.replay()["s"])
-
-
-@pytest.mark.parametrize("align", FITTING)
-def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:
-    model = mujoco.MjModel.from_xml_string(MODEL)
-    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))
-    result, fitting = (
-        rtamt_gym.mujoco.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)["spec"]
-        for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
-    )
-    np.testing.assert_array_equal(result, fitting)
 
 
 def test_the_command_takes_it_and_its_advice_names_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -248,22 +248,6 @@ def test_what_is_not_told_weighs_1() -> None:
     assert (shape.weight, shape.clip, shape.weights) == (1.0, 1.0, (1.0, 1.0))
 
 
-@pytest.mark.parametrize(
-    ("mode", "ended", "expected"),
-    [
-        ("add", False, 2.0),
-        ("replace", True, 0.5),
-        ("terminal", False, 1.0),
-        ("terminal", True, 2.0),
-        ("progress", False, 2.5),
-        ("verdict", True, 0.0),
-    ],
-)
-def test_rewards_of_one_step(mode: Mode, ended: bool, expected: float) -> None:  # noqa: FBT001 - of a table
-    shape = Shaping.of("a", mode=mode, weight=2.0, bonus=1.0)
-    assert shape.reward(1.0, -0.25, 0.5, terminated=False, ended=ended) == expected
-
-
 def test_a_bonus_or_a_penalty_settles() -> None:
     assert not Shaping.of("a", mode="add").settles
     assert Shaping.of("a", mode="add", bonus=0.5).settles

@@ -15,12 +15,14 @@ from catalogue import check, entries
 from gymnasium import spaces
 from gymnasium.envs.mujoco.inverted_pendulum_v5 import InvertedPendulumEnv
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import TimeLimit
 from painted import Painted
 from parallel_environments import Crew
 from replay import Replay, X
 from vector_environments import ANGLE, native, sync
 
 from rtamt_gym import (
+    CostEnv,
     ParallelStlMonitor,
     RobustnessOverlay,
     StlMonitor,
@@ -29,6 +31,7 @@ from rtamt_gym import (
     VectorStlReward,
 )
 from rtamt_gym.shaping import Shaping
+from rtamt_gym.wrappers import batched
 
 SPEC = "always(x > 1)"
 
@@ -154,6 +157,11 @@ def words_of_crew(words: Any) -> Any:
     return crew(Crew({"one": [3.0]}), THREE, {"x": "one: obs[0]"}, on_violation=words)
 
 
+PAIR = {"req": "obs[0]", "gnt": "obs[0]"}
+GRANTED = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+PAIRS = {"granted": GRANTED, "asked": "eventually(req >= 4)"}
+
+
 def overlay(env: Any = None, **options: Any) -> Any:
     monitored = StlMonitor(env or Painted([3.0, 2.0]), SPEC, X, period=0.5)
     return RobustnessOverlay(monitored, **options)
@@ -161,6 +169,7 @@ def overlay(env: Any = None, **options: Any) -> Any:
 
 NAMES = {
     **{name: value for name, value in globals().items() if not name.startswith("_")},
+    **{item.__name__: item for item in (CostEnv, TimeLimit, batched)},
     "inf": math.inf,
     "nan": math.nan,
 }
