@@ -122,24 +122,7 @@ def test_many_environments_tell_it_where_episodes_begin(mode: AutoresetMode) -> 
 
 
 def test_agents_are_told_it_too() -> None:
-    class One:
-        possible_agents = agents = ("a",)
-        control_timestep = 0.25
-
-        @property
-        def unwrapped(self) -> Any:
-            return self
-
-        def observation_space(self, _: str) -> Any:
-            return spaces.Box(-1, 1, (1,))
-
-        def action_space(self, _: str) -> Any:
-            return spaces.Discrete(2)
-
-        def reset(self, **_: Any) -> Any:
-            return {"a": np.zeros(1)}, {"a": {}}
-
-    env = ParallelStlMonitor(One(), TIMED, {"x": "a: obs[0]"})
+    env = ParallelStlMonitor(Crew({"a": [0.0, 1.0]}, tau=0.25), TIMED, {"x": "a: obs[0]"})
     assert env.reset()[1]["a"]["stl_period"] == 0.25
     assert str(env).endswith(", period 0.25 s>")
     assert env.describe()["spec"]["period"] == 0.25
