@@ -99,6 +99,11 @@ class MonitorSet:
         self._owing: SingleObligations | None = None
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
         self._stages = stage_progress(specs, judges, reading)
+        # What takes every sample in addition to the monitors.
+        self._measures: list[CostMeter | SingleObligations | StageProgress] = [
+            *([self._meter] if self._meter else []),
+            *self._stages.values(),
+        ]
         self._settled: dict[str, int] = {}  # the sample that decided; the last if only the end did
         self._ended: frozenset[str] = frozenset()  # the specifications that only the end decided
         self._failed: frozenset[str] = frozenset()  # what `finish("failure")` violated
@@ -113,18 +118,13 @@ class MonitorSet:
             require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
             self._owing = SingleObligations(judged, self._reading)
+            self._measures.append(self._owing)
         return self._owing.found
 
     @property
     def tracks_obligations(self) -> bool:
         """Whether it tracks pending obligations."""
         return self._owing is not None
-
-    @property
-    def _measures(self) -> list[SingleObligations | CostMeter | StageProgress]:
-        """What takes every sample in addition to the monitors."""
-        measures = [self._owing, self._meter, *self._stages.values()]
-        return [measure for measure in measures if measure is not None]
 
     @property
     def period(self) -> Fraction | None:
@@ -405,7 +405,7 @@ class MonitorSet:
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """Return the state of every specification: ``info["stl"]``."""
-        progress = {name: np.float64(value) for name, value in self.progress.items()}
+        progress = {name: np.float64(part.progress) for name, part in self._stages.items()}
         return {
             name: spec_state(
                 np.float64(source.robustness),

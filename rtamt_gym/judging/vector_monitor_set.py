@@ -69,6 +69,11 @@ class VectorMonitorSet:
         self._owing: Obligations | None = None
         judges = {name: judge for name, (_, judge) in self.monitors.items()}
         self._stages = vector_stage_progress(specs, judges, reading, num, columns)
+        # What takes every sample in addition to the monitors.
+        self._measures: list[VectorCostMeter | Obligations | VectorStageProgress] = [
+            *([self._meter] if self._meter else []),
+            *self._stages.values(),
+        ]
         self._reading, self._table_names = reading, columns
         self._whole = reading.view == "episode"  # the sources are the judges
         self.robustness = np.full(num, np.nan)
@@ -82,18 +87,13 @@ class VectorMonitorSet:
             require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
             self._owing = Obligations(judged, self._log.num, self._reading, self._table_names)
+            self._measures.append(self._owing)
         return self._owing.found
 
     @property
     def tracks_obligations(self) -> bool:
         """Whether it tracks pending obligations."""
         return self._owing is not None
-
-    @property
-    def _measures(self) -> list[Obligations | VectorCostMeter | VectorStageProgress]:
-        """What takes every sample in addition to the monitors."""
-        measures = [self._owing, self._meter, *self._stages.values()]
-        return [measure for measure in measures if measure is not None]
 
     @property
     def of_instant(self) -> NDArray[np.bool_] | None:
