@@ -24,7 +24,12 @@ from rtamt_gym.signals.periods import read_period
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode_counters import EpisodeCounters
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import ChangedConstants, OnSatisfaction, OwnOptions, Violations
+from rtamt_gym.wrappers.monitoring import (
+    ChangedConstants,
+    MonitorOptions,
+    OnSatisfaction,
+    Violations,
+)
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 from rtamt_gym.wrappers.vector_forms import is_pool
@@ -145,7 +150,7 @@ class StlMonitor(
                 not fit the environment, or an option has no such value
         """
         read = checked_options(reading, type(self), "runs")
-        options = OwnOptions(
+        options = MonitorOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
             details=details,

@@ -13,7 +13,6 @@ from typing import (
     Literal,
     NamedTuple,
     NoReturn,
-    TypedDict,
     cast,
     get_args,
 )
@@ -79,8 +78,8 @@ OnSatisfaction = Literal["report", "terminate", "truncate"]
 """The effect on the episode once every specification is certainly satisfied."""
 
 
-class OwnOptions(TypedDict, total=False):
-    """The keyword arguments of all monitors that do not concern evaluation."""
+class MonitorOptions(EvaluationKeywords, total=False):
+    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
 
     on_violation: Violations
     on_satisfaction: OnSatisfaction
@@ -88,11 +87,6 @@ class OwnOptions(TypedDict, total=False):
     cost: Cost | None
     buffer_length: int
     constants: Mapping[str, ConstantValue] | None
-
-
-class MonitorOptions(OwnOptions, EvaluationKeywords, total=False):
-    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
-
     live: RerunView | None
 
 
@@ -129,7 +123,7 @@ class Monitoring(Observing):
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None,
         reading: EvaluationOptions,
-        options: OwnOptions,
+        options: MonitorOptions,
         find_period: ReadPeriod = read_period,
         *,
         sources: Mapping[str, Source] = SOURCES,

@@ -21,7 +21,7 @@ from rtamt_gym.shaping import Mode, Priority, least
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.signals.sources import agent_sources
 from rtamt_gym.wrappers.episode_monitoring import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import OnSatisfaction, OwnOptions, Violations
+from rtamt_gym.wrappers.monitoring import MonitorOptions, OnSatisfaction, Violations
 from rtamt_gym.wrappers.reward import (
     Rewarding,
     ShapingOptions,
@@ -168,7 +168,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelWrapper):
             InputTypeError: If the environment does not have PettingZoo's parallel API
         """
         read = checked_options(reading, type(self), "episodes")
-        options = OwnOptions(
+        options = MonitorOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
             details=details,

@@ -35,8 +35,8 @@ from rtamt_gym.signals.taps import StaysOpen
 from rtamt_gym.wrappers.monitoring import (
     ChangedConstants,
     Monitoring,
+    MonitorOptions,
     OnSatisfaction,
-    OwnOptions,
     Violations,
     check_pictures,
     refuse_monitored,
@@ -135,7 +135,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
                 would end episodes that the environment cannot reset
         """
         read = checked_options(reading, type(self), "episodes")
-        options = OwnOptions(
+        options = MonitorOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
             details=details,
@@ -306,7 +306,7 @@ class VectorStlMonitor(Monitoring, StaysOpen, VectorWrapper, RecordConstructorAr
         """The records of the last episodes that ended, in a new deque."""
         return self._episodes.newest()
 
-    def _check_can_end(self, options: OwnOptions) -> None:
+    def _check_can_end(self, options: MonitorOptions) -> None:
         """Raise InputError if the wrapper would end episodes that the caller cannot reset."""
         if self._autoreset is AutoresetMode.DISABLED:
             return
