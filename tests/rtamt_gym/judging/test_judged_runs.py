@@ -17,7 +17,6 @@ from rtamt_gym import Parameter, Runner, StlMonitor, evaluate_policy, falsify, s
 from rtamt_gym.judging.judge import Judge
 from rtamt_gym.judging.monitor_set import MonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions
-from rtamt_gym.play import simulation as simulations
 
 SPACE = [Parameter("gain", 0, 1)]
 GRAVITY = [Parameter("env.gravity", 9, 10)]
@@ -197,7 +196,7 @@ def test_a_sweep_compiles_once(monkeypatch: pytest.MonkeyPatch) -> None:
         made.append(Judge(*arguments))
         return made[-1]
 
-    monkeypatch.setattr(simulations, "Judge", counted)
+    monkeypatch.setattr("rtamt_gym.play.simulate.Judge", counted)
     sweep(tank, {"low": "always(level < 9)"}, SPACE, samples=8, period=1)
     env = gym.make("CartPole-v1")
     how: dict[str, Any] = {"episodes": 20, "keep": 0, "at_termination": "failure"}
