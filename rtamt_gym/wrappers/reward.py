@@ -134,7 +134,8 @@ class Rewarding(Observing):
     def _settle(self, lower: Numeric, upper: Numeric) -> Numeric:
         """Return the bonus or the penalty of a step with these bounds of the minimum."""
         newest = outcome(lower, upper)
-        paid = settle(self._outcome, newest, self._shaping.bonus, self._shaping.penalty)
+        shaping = self._shaping
+        paid: Numeric = settle(self._outcome, newest, shaping.bonus, shaping.penalty)
         self._outcome = newest
         return paid
 
