@@ -72,4 +72,4 @@ NAMES: dict[str, Any] = {
     ("call", "said"), entries(Path(__file__).with_name("errors.txt")), ids=lambda text: text[:60]
 )
 def test_errors_of_step_monitors(call: str, said: str) -> None:
-    check(call, said, NAMES)
+    check(call, said, **NAMES)

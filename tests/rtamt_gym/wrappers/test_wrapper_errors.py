@@ -179,4 +179,4 @@ NAMES = {
     ("call", "said"), entries(Path(__file__).with_name("errors.txt")), ids=lambda text: text[:60]
 )
 def test_errors_of_wrappers(call: str, said: str) -> None:
-    check(call, said, NAMES)
+    check(call, said, **NAMES)
