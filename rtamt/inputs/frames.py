@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.columns import (
+    NANOSECONDS,
     is_date,
     looks_like_times,
     may_tell_objects,
@@ -162,6 +164,58 @@ def _filled(values: object) -> NDArray[np.bool_]:
     if array.dtype.kind == "O":
         return np.array([value is not None and value == value for value in array.tolist()])  # noqa: PLR0124
     return np.ones(len(array), bool)
+
+
+def warn_of_times(
+    data: object,
+    variables: Sequence[str],
+    period: float,
+    inner: Callable[[NDArray[Any]], NDArray[Any]] = np.diff,
+) -> None:
+    """Warn if times next to the variables contradict a stated period, which leaves them unread.
+
+    Times without a unit may have any. ``inner`` returns the distances within traces.
+    """
+    names = names_of(data)
+    columns: dict[str, Any] = {}
+    if names is not None:
+        columns = _levels(getattr(data, "index", None))
+    elif isinstance(data, Mapping):
+        names = list(data)
+    for name in names or ():
+        if str(name) not in variables:
+            columns[str(name)] = cast("Any", data)[name]
+    for name, values in columns.items():
+        unit = unit_of_times(name)
+        if unit is None and not is_dated(values):
+            continue
+        times = np.asarray(values)
+        if times.ndim != 1 or times.dtype.kind not in "iufmM" or unit not in {None, "", *_UNITS}:
+            continue
+        if times.dtype.kind in "mM":
+            times, unit = times.astype(f"{times.dtype.kind}8[ns]").astype(np.int64), "ns"
+        steps = inner(times if times.dtype.kind == "f" else times.astype(np.int64))
+        scales = [_UNITS[unit]] if unit else [_UNITS[each] for each in ("s", "ms", "us", "ns")]
+        if not len(steps) or any(_fits(steps * scale, period) for scale in scales):
+            continue
+        least, most = (f"{float(step) * scales[0]:.6g}" for step in (steps.min(), steps.max()))
+        distances = least if least == most else f"{least} to {most}"
+        warnings.warn(
+            f"period= leaves the times in {name!r} unread, which are {distances}"
+            f"{' s' if unit else ''} apart, not {period:.6g} s. Pass their period, or drop them.",
+            stacklevel=2,
+        )
+
+
+_UNITS = {unit: count / 1e9 for unit, count in NANOSECONDS.items()}
+
+_NEAR = 0.05
+"""The part by which the distance of two times may differ from the period."""
+
+
+def _fits(steps: NDArray[Any], period: float) -> bool:
+    """Return whether distances of times in seconds are near a period."""
+    return bool((np.abs(steps - period) <= _NEAR * period).all())
 
 
 def _check_named_times(data: Mapping[Any, Any], variables: Sequence[str]) -> None:

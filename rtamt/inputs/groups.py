@@ -147,6 +147,11 @@ class TraceRows(NamedTuple):
         """Return the cells of a column in the order of the traces."""
         return cells if self.order is None else cells[self.order]
 
+    def steps(self, times: NDArray[Any]) -> NDArray[Any]:
+        """Return the distances of successive times within traces."""
+        steps, ends = np.diff(self.sorted(times)), self.begins[self.begins > 0] - 1
+        return np.delete(steps, ends[ends < len(steps)])
+
     def have(self, marks: Booleans) -> Booleans:
         """Return which traces have a mark after their first row; the very first row has no mark."""
         counts = np.concatenate([[0, 0], np.cumsum(marks)])

@@ -12,7 +12,7 @@ from rtamt.errors import InputError, InputTypeError, RtamtError, brief, no_such
 from rtamt.inputs.arrays import Floats, array_of_numbers
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import Events, EventsLike
-from rtamt.inputs.frames import check_roles
+from rtamt.inputs.frames import check_roles, warn_of_times
 from rtamt.inputs.samples import SampleReader, TraceColumns, wrong_shape
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes, result_alone, run_offline
@@ -184,8 +184,10 @@ def _check_trace(
 ) -> None:
     if length == 0:
         raise InputError("expected a trace of at least 1 sample, got 0")
-    timed = period is None and reader.program.specification.timed
-    check_roles(data, reader.variables, timed=timed)
+    timed = reader.program.specification.timed
+    check_roles(data, reader.variables, timed=timed and period is None)
+    if timed and period is not None:
+        warn_of_times(data, reader.variables, reader.program.seconds)
 
 
 def _is_batch(data: TraceColumns, names: Sequence[str]) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, alternatives, brief, is_one_of
 from rtamt.inputs.arrays import Floats, kind_of
-from rtamt.inputs.frames import named_columns
+from rtamt.inputs.frames import named_columns, warn_of_times
 from rtamt.inputs.groups import (
     Groups,
     TraceRows,
@@ -485,8 +485,11 @@ class _Work:
         assert self._groups is not None  # noqa: S101 - joined traces have groups
         traces = TraceSet(columns, self._groups.begins, self._groups.lengths).select(places)
         rows = TraceRows(self._groups.order, traces.begins, traces.lengths)
-        timed = timed and self._specification.timed and batch.compiled.period is None
-        errors = refusals(data, batch.reader.variables, rows, timed=timed)
+        reader, stated = batch.reader, batch.compiled.period is not None
+        timed = timed and self._specification.timed
+        errors = refusals(data, reader.variables, rows, timed=timed and not stated)
+        if timed and stated:
+            warn_of_times(data, reader.variables, reader.program.seconds, rows.steps)
         refused = dict(errors if self._keep else itertools.islice(errors, 1))
         names = batch.reader.variables
 

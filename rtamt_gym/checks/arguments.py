@@ -16,9 +16,10 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
     """Raise InputError if a value is not among the choices."""
     if value not in choices:
         first, *others = choices
-        options = "".join(f" or {choice!r}" for choice in others)
+        middle = "".join(f", {choice!r}" for choice in others[:-1])
+        last = f" or {others[-1]!r}" if others else ""
         near = nearest(value, choices)
-        raise InputError("expected ", Argument(name, first), f"{options}, got {value!r}{near}")
+        raise InputError("expected ", Argument(name, first), f"{middle}{last}, got {value!r}{near}")
 
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
+import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +15,7 @@ from rtamt.errors import shown
 from rtamt_gym.checks.numbers import read_floats
 
 if TYPE_CHECKING:
+    from rtamt_gym.live.view import RerunView
     from rtamt_gym.signals.signals import SignalLike
 
 
@@ -72,13 +76,7 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
 
 
 def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[str] = ()) -> None:
-    """Check the files that a command will write, before it starts.
-
-    Args:
-        files: The output files.
-        picture: A picture to write; the end of its name sets its format.
-        inputs: The input files; words that are not files are ignored.
-    """
+    """Check the files that a command will write, before it starts."""
     read = {Path(name).resolve() for name in inputs}
     written: set[Path] = set()
     for path in filter(None, (*files, picture)):
@@ -98,3 +96,35 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
         from rtamt_gym.drawing import check_format
 
         check_format(picture)
+
+
+def open_view(
+    path: str | bool | None,  # noqa: FBT001 - the value of the option
+    *,
+    pictures: int | None = None,
+) -> RerunView | None:
+    """Open the view for ``--rerun``.
+
+    Args:
+        path: The value of the option: False without the option, None without a file.
+        pictures: As for `RerunView`.
+    """
+    if isinstance(path, bool):
+        return None
+    if path is not None and not path.endswith(".rrd"):
+        raise InputError(
+            f"--rerun writes a .rrd file, got {path!r}. For a view without a file, put --rerun "
+            "after all arguments."
+        )
+    from rtamt_gym.live.view import RerunView
+
+    return RerunView(path, pictures=pictures)
+
+
+def hold(view: RerunView) -> None:
+    """Keep a view with a viewer open until Ctrl-C."""
+    if view.address is None:
+        return
+    print(f"ended; the view stays until Ctrl-C: {view.address}", file=sys.stderr)
+    with suppress(KeyboardInterrupt):
+        threading.Event().wait()

@@ -18,6 +18,7 @@ from rtamt_gym.commands.example_traces import (
     add_search,
     answer_data,
     code_of,
+    draw_traces,
     drawn,
     equivalence_data,
     read_period,
@@ -87,7 +88,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
     """Draw the traces; return a line about the picture, or that there is no trace."""
-    from rtamt_gym.commands.trace_pictures import draw
     from rtamt_gym.drawing import save
 
     traces = [
@@ -95,7 +95,7 @@ def _drawn(check: Check, period: Fraction | None, path: Path) -> str:
     ]
     if not traces:
         return f"no picture: there is no trace to draw in {path}"
-    save(draw(traces, period), path)
+    save(draw_traces(traces, period), path)
     return f"picture: {path}"
 
 

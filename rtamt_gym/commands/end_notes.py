@@ -1,13 +1,23 @@
-"""The note that commands print if no option sets what the end of an environment means."""
+"""Notes on ends that an option may set: of environments, and long before ``--duration``."""
 
 from __future__ import annotations
 
+import argparse
+import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 from rtamt_gym.judging.end_warnings import CutWindowWarning, OpenEndWarning
+from rtamt_gym.results.warnings import VerdictWarning
+from rtamt_gym.tables import number
+
+if TYPE_CHECKING:
+    from rtamt_gym.play.record import Record
+
+_SHORT: Final = 100
+"""The ratio of ``--duration`` to the longest simulation from which on a unit may be wrong."""
 
 
 @contextmanager
@@ -40,3 +50,19 @@ _CUT_WINDOW = [
     "window had not seen counts as satisfied. --at-termination sets what its end",
     "means: cut leaves it open, failure violates it, complete is for this.",
 ]
+
+
+def short_warnings(record: Record, options: argparse.Namespace) -> list[VerdictWarning]:
+    """Return the warning on simulations that the system ended long before ``--duration``."""
+    duration, ended = options.duration, {trial.ended for trial in record if not trial.error}
+    if duration is None or duration == math.inf or not ended & {"terminated", "truncated"}:
+        return []
+    longest = max(trial.simulated for trial in record)
+    if "duration" in ended or longest * _SHORT > duration:
+        return []
+    text = (
+        f"no simulation lasts longer than {number(longest)} s of the {number(duration)} s in "
+        "--duration, because the system ends by itself; a number without a unit is in seconds"
+    )
+    period = "" if options.period is None else f", and --period {options.period} is a step"
+    return [VerdictWarning(text + period)]

@@ -92,13 +92,7 @@ def success_requirements(
     specs: Mapping[str, rtamt.Specification],
     period: rtamt.typing.Period | None,
 ) -> dict[str, rtamt.Specification]:
-    """Return the specifications, and the requirements of the success flag if there is one.
-
-    Args:
-        options: The arguments of the command.
-        specs: The specifications.
-        period: Seconds between samples; the default time of ``--hold`` is a multiple of it.
-    """
+    """Return the specifications, and the requirements of the success flag if there is one."""
     if not options.success:
         return dict(specs)
     formulas = readings(_FLAG, options.hold or _hold(period))

@@ -1,4 +1,4 @@
-"""Traces and answers of a solver as tables, JSON and files."""
+"""Traces and answers of a solver as tables, JSON, files and pictures."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, get_args
 
+import numpy as np
+
 from rtamt import InputError, Specification
 from rtamt.checking import Answer, Equivalence, ExampleTrace
 from rtamt.typing import End
@@ -23,9 +25,12 @@ from rtamt_gym.options.command_line import (
     shared,
 )
 from rtamt_gym.results.warnings import exit_code
-from rtamt_gym.tables import counted, number, table
+from rtamt_gym.tables import counted, number, shorten, table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from rtamt_gym.results.outcome import Word
 
 _WORDS: Final[Mapping[str, Word]] = {
@@ -36,13 +41,7 @@ _WORDS: Final[Mapping[str, Word]] = {
 
 
 def add_search(parser: argparse.ArgumentParser, horizon: int, why: str = "") -> None:
-    """Add the arguments of a search for traces.
-
-    Args:
-        parser: The parser of a command.
-        horizon: The default of ``--horizon``.
-        why: The reason for this default, which the help shows.
-    """
+    """Add the arguments of a search for traces."""
     add_options(
         parser,
         Option("SPEC", "a formula or a .stl file", nargs="+", dest="specs"),
@@ -178,12 +177,7 @@ def strict(value: float | None) -> float | str | None:
 
 
 def write(traces: Iterable[tuple[str, ExampleTrace]], folder: Path) -> None:
-    """Write files of samples that `rtamt monitor` reads with the same period.
-
-    Args:
-        traces: Traces, each with the words of its file name.
-        folder: The folder of the files.
-    """
+    """Write files of samples that `rtamt monitor` reads with the same period."""
     for words, trace in traces:
         write_samples(folder, words, {name: trace.unrolled(name) for name in trace.columns})
 
@@ -194,3 +188,65 @@ def write_samples(folder: Path, words: str, columns: Mapping[str, Sequence[float
     stem = re.sub(r"[^\w.-]", "_", words)
     with (folder / f"{stem}.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([[*columns], *zip(*columns.values(), strict=True)])
+
+
+_ABREAST: Final = 3
+_PICTURED: Final = 12
+
+
+def draw_traces(traces: Sequence[tuple[str, ExampleTrace]], period: Fraction | None) -> Figure:
+    """Draw a panel for each variable of each trace, with the repeated part shaded."""
+    from matplotlib.figure import Figure
+
+    from rtamt_gym import drawing
+
+    shown = [*traces[:_PICTURED]]
+    across = min(_ABREAST, len(shown))
+    rows = [shown[i : i + across] for i in range(0, len(shown), across)]
+    heights = [0.7 + 1.1 * max(1, *(len(trace.columns) for _, trace in row)) for row in rows]
+    figure = Figure(figsize=(max(6.0, 4.0 * across), sum(heights) + 0.4), layout="constrained")
+    parts = figure.subfigures(len(rows), across, squeeze=False, height_ratios=heights)
+    for row, some in zip(rows, parts, strict=True):
+        for (title, trace), part in zip(row, some, strict=False):
+            part.suptitle(title, fontsize=10, fontweight="bold")
+            panels = part.subplots(max(1, len(trace.columns)), 1, sharex=True, squeeze=False)[:, 0]
+            for ax, (name, values) in zip(panels, trace.columns.items(), strict=False):
+                _variable(ax, name, values, trace, period)
+            if not trace.columns:
+                panels[0].set_axis_off()
+                panels[0].text(0.0, 0.5, f"any {counted(trace.samples, 'sample')}", fontsize=9)
+            unit = "samples" if period is None else "time in s"
+            again = "; shaded: again and again" if trace.loop else ""
+            panels[-1].set_xlabel(unit + again, fontsize=9, color=drawing.OPEN)
+    if len(traces) > len(shown):
+        figure.suptitle(f"{len(shown)} of {len(traces)} traces", fontsize=10, color=drawing.OPEN)
+    return figure
+
+
+def _variable(
+    ax: Axes, name: str, values: Sequence[float], trace: ExampleTrace, period: Fraction | None
+) -> None:
+    from rtamt_gym import drawing
+
+    step = 1.0 if period is None else float(period)
+    drawing.tidy(ax, shorten(name, 18))
+    times = [0.0]
+    levels = [values[0]]
+    position = 0
+    for value, run in itertools.groupby(values):  # a point for each run: traces may be long
+        if position:
+            times.append(position * step)
+            levels.append(value)
+        position += len([*run])
+    times.append(trace.samples * step)  # the last sample is as wide as the others
+    levels.append(values[-1])
+    finite = [level for level in levels if math.isfinite(level)] or [0.0]
+    margin = 0.2 * (max(finite) - min(finite)) or 1.0  # a constant line needs a margin too
+    bottom, top = min(finite) - margin, max(finite) + margin
+    ax.set_ylim(bottom, top)
+    clipped = np.clip(levels, bottom, top)  # infinities lie at the edge
+    ax.plot(times, clipped, color=drawing.SIGNAL, linewidth=1.4, drawstyle="steps-post")
+    ax.margins(x=0.0)
+    if trace.loop:
+        loop_start = (trace.samples - trace.loop) * step
+        ax.axvspan(loop_start, trace.samples * step, color=drawing.BOUNDS, alpha=0.4, linewidth=0)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt_gym.commands.arguments import check_outputs, read_signals
-from rtamt_gym.commands.end_notes import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends, short_warnings
 from rtamt_gym.commands.specs import files_of, requirements_of, selected, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
 from rtamt_gym.options.command_line import (
@@ -170,6 +170,7 @@ def run(options: argparse.Namespace) -> int:
         )
         verdict_warnings += undecided_warnings(result.record, "simulation", fails=True)
     verdict_warnings += evidence_warnings(result.record, "simulation", Required.of(options))
+    verdict_warnings += short_warnings(result.record, options)
     print_warnings(verdict_warnings, stderr=options.json)
     words: list[Word] = ["violated"] if result.falsified else []
     return INTERRUPTED if result.interrupted else exit_code(words, verdict_warnings)

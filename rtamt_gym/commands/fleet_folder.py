@@ -29,16 +29,7 @@ _TEXTS: Final = ("path", "verdict", "error", "described", "notes", "etag", "sha2
 
 
 class FleetFolder(LockedFolder):
-    """The rows of files in a local folder, which one process at a time locks.
-
-    Args:
-        path: The folder.
-        identity: Everything that a row depends on except its file.
-        requirements: The names of the requirements.
-
-    Raises:
-        InputError: If the folder holds something else, or another process uses it.
-    """
+    """The rows of files in a local folder, which one process at a time locks."""
 
     def __init__(
         self, path: Path, identity: Mapping[str, Any], requirements: Sequence[str]
@@ -99,11 +90,7 @@ class FleetFolder(LockedFolder):
             self.finish()
 
     def finish(self, gone: Iterable[str] | None = None) -> pa.Table:
-        """Replace the parts by one file with a row for each path, and return its table.
-
-        Args:
-            gone: The paths of files that no longer exist; None to leave the marks.
-        """
+        """Replace the parts by one file with a row for each path, and return its table."""
         import pyarrow as pa
         import pyarrow.compute as pc
 

@@ -16,11 +16,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple
 
 import rtamt
 from rtamt import InputError
@@ -79,17 +79,13 @@ class FleetJob:
         return FileRunner(self)
 
 
-class FileRunner(AbstractContextManager["FileRunner"]):
+class FileRunner:
     """Judges files one after the other."""
 
     def __init__(self, job: FleetJob) -> None:
-        self._job = job
+        self._job, self._copies = job, _Copies()
 
-    def __enter__(self) -> Self:
-        self._copies = _Copies()
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Remove the copies."""
         self._copies.close()
 
@@ -114,9 +110,6 @@ def judge_batch(name: str, job: bytes, stated: str, tasks: Sequence[FileTask]) -
         job: A pickled `FleetJob`.
         stated: The version of the coordinator.
         tasks: The files.
-
-    Raises:
-        InputError: If this worker has another version of rtamt.
     """
     if stated != version():
         raise InputError(
@@ -153,15 +146,7 @@ def _plain(path: str, row: FileRow | Trial) -> FileRow:
 def error_row(
     path: str, mark: Mark | None, error: str, *, retry: bool = False, wall: float = 0.0
 ) -> FileRow:
-    """Return the row of a file that could not be judged.
-
-    Args:
-        path: The path.
-        mark: The state of the file; None if it is not known.
-        error: The reason.
-        retry: Whether the next run tries again although the file is the same.
-        wall: The seconds that it took.
-    """
+    """Return the row of a file that could not be judged."""
     return {
         "path": path,
         "mark": mark or Mark(-1, -1, ""),

@@ -34,10 +34,6 @@ def judged_groups(request: TracesAsked, paths: Sequence[str]) -> Iterator[tuple[
     """Yield the places of groups in a list of traces, and their judgements.
 
     Groups that are not plain are left out, and so is every trace that is not a group of a table.
-
-    Args:
-        request: The requirements, and how traces are judged.
-        paths: The names of the traces.
     """
     for table, places in groups_by_table(paths, request.columns):
         numbers, size = list[int](), 0
@@ -55,14 +51,7 @@ def judged_groups(request: TracesAsked, paths: Sequence[str]) -> Iterator[tuple[
 
 
 class _Judges:
-    """The judges of the groups of a table.
-
-    Args:
-        request: The requirements, and how traces are judged.
-        table: The table.
-        path: The name of a group of the table.
-        more: The traces for further requirements.
-    """
+    """The judges of the groups of a table."""
 
     def __init__(
         self, request: TracesAsked, table: GroupTable, path: str, more: GroupTraces | None = None
@@ -170,13 +159,7 @@ _MOST_WAYS: Final = 1000
 
 
 class _Way:
-    """How a requirement is judged on traces of one period.
-
-    Args:
-        spec: The requirement.
-        reading: Its evaluation options.
-        period: Seconds between samples; None: bounds count samples.
-    """
+    """How a requirement is judged on traces of one period."""
 
     def __init__(
         self, spec: rtamt.Specification, reading: EvaluationOptions, period: Fraction | None

@@ -1,4 +1,4 @@
-"""`Judged`: a recorded trace with the judgements of its requirements, or their failures."""
+"""A recorded trace with the judgements of its requirements, or their failures."""
 
 from __future__ import annotations
 

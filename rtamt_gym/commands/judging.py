@@ -55,13 +55,7 @@ class Watch(Protocol):
 
 
 def judge_file(request: TracesAsked, path: str, *, formulas: bool) -> Judged:
-    """Judge a trace; errors are failures of the requirements.
-
-    Args:
-        request: The requirements, and how traces are judged.
-        path: The name of the trace.
-        formulas: Whether the robustness of the named formulas is evaluated too.
-    """
+    """Judge a trace; errors are failures of the requirements."""
     judged = Judged(path)
     specs = _read(request, judged)
     with progress("judging", len(specs), " requirements") as advance:

@@ -8,22 +8,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import TextWrapper
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rtamt import InputError, Verdict
 from rtamt.errors import nearest, shown
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands import SEPARATOR, occurrences
+from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.collection import without_collection
 from rtamt_gym.commands.mutants import MutantWatch, score_warnings, write_apart
 from rtamt_gym.commands.mutants import add_arguments as add_mutants
 from rtamt_gym.commands.mutants import check_arguments as check_mutants
-from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, with_stages
-from rtamt_gym.commands.traces import TracesAsked, read_arguments, refuse_unknown
+from rtamt_gym.commands.specs import STAGE, files_of, identified_texts, variables_of, with_stages
+from rtamt_gym.commands.traces import TracesAsked, read_arguments, read_trace_of, refuse_unknown
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.options.command_line import Option, add_options, positive
+from rtamt_gym.recorded.columns import read_seconds
 from rtamt_gym.recorded.parts import files_of as recorded_files
+from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.results.warnings import (
     Required,
     VerdictWarning,
@@ -34,6 +36,7 @@ from rtamt_gym.results.warnings import (
     range_warnings,
     undecided_cells,
 )
+from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     from rtamt_gym.commands.judged import Judged
@@ -44,6 +47,34 @@ if TYPE_CHECKING:
 
 _OVER_TIME = ("--out", "--plot", "--write-mcap")
 """The options that write the robustness of one trace over time."""
+
+
+_OCCURRENCES: Final = (
+    Option(
+        "--occurrences",
+        "list every violation of each requirement and the answers to its triggers, in the report "
+        "and in --json",
+    ),
+    Option(
+        "--write-occurrences FILE",
+        "write every violation, trigger and undecided stretch of all traces as .csv, .csv.gz, "
+        ".parquet, .feather or .arrow",
+        read=Path,
+    ),
+    Option(
+        "--clip FOLDER",
+        "write the part of the recording around each violation to an empty folder: CSV and Parquet "
+        "in their own format, bags as MCAP",
+        read=Path,
+    ),
+    Option(
+        "--clip-around TIME",
+        "the time before and after a violation in its clip, such as 500ms",
+        usual="2s",
+    ),
+    Option("--clip-limit N", "the maximum number of clips", read=positive, usual="20"),
+)
+"""The options about all violations."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "exit 3 if a variable leaves its declared range, as in 'input float x in [0, 120]'",
             usual="a note reports it",
         ),
-        *occurrences.OPTIONS,
+        *_OCCURRENCES,
         Option("--min-traces N", "exit 2 if there are fewer than N traces", read=positive),
         Option(
             "--expect NAME", "exit 2 if no requirement with this name is evaluated", repeat=True
@@ -165,9 +196,6 @@ def discard_old_outcomes(words: Sequence[str]) -> None:
     """Remove the JUnit file of an earlier run, before the command line is parsed.
 
     A run that stops early, for example at a misspelt option, then does not leave old outcomes.
-
-    Args:
-        words: The command line.
     """
     for word, following in zip(words, (*words[1:], ""), strict=True):
         option, _, value = word.partition("=")
@@ -231,8 +259,10 @@ def _judge(options: argparse.Namespace, request: TracesAsked, paths: Sequence[st
     for option in ("--verify", "--backend", "--scheduler"):
         if getattr(options, option.removeprefix("--")):
             raise InputError(f"expected --results DIR with {option}, got none")
-    request = replace(request, occurrences=occurrences.are_needed(options))
-    occurrences.check_arguments(options, request, paths)
+    request = replace(
+        request, occurrences=bool(options.occurrences or options.write_occurrences or options.clip)
+    )
+    _check_occurrences(options, request, paths)
     check_mutants(options, request)
     _check_files(options, paths)
     detailed = options.json or options.junit or options.markdown
@@ -281,11 +311,11 @@ def _judge(options: argparse.Namespace, request: TracesAsked, paths: Sequence[st
         with without_collection():
             lines = _report(request, matrix, judged)
         print(*lines, sep="\n", end="")
-        print(*occurrences.report(options, matrix), sep="\n", end="")
+        print(*_occurrence_lines(options, matrix), sep="\n", end="")
         print(*_mutants(scores, matrix), sep="\n", end="")
     undecided = [undecided_cells(matrix)] if options.undecided == "fail" else []
     messages = _write(options, request, matrix, judged, [*undecided, *warnings])
-    messages += occurrences.write_files(options, request, matrix, paths)
+    messages += _write_occurrences(options, request, matrix, paths)
     messages += _list_episodes(options, rows, paths)
     if options.write_killing_traces is not None:
         messages.append(write_apart(scores, request, matrix, options.write_killing_traces))
@@ -425,3 +455,76 @@ def _write(
         save(figure, options.plot)
         messages.append(f"picture: {options.plot}\n")
     return messages
+
+
+def _check_occurrences(
+    options: argparse.Namespace, request: TracesAsked, paths: Sequence[str]
+) -> None:
+    """Raise InputError if the table or the clips cannot be written."""
+    if options.write_occurrences is not None:
+        from rtamt_gym.recorded.output import check_output
+
+        check_output(options.write_occurrences)
+    if options.clip is None:
+        for name in ("--clip-around", "--clip-limit"):
+            if getattr(options, name.strip("-").replace("-", "_")) is not None:
+                raise InputError(f"{name} sets how clips are cut; add --clip FOLDER")
+        return
+    from rtamt_gym.recorded.occurrences import check_clips
+
+    if request.reading.period is not None and not all(map(is_bag, paths)):
+        raise InputError("--clip: expected the times of the recording, got --period")
+    _around(options)
+    check_clips(options.clip, paths)
+
+
+def _around(options: argparse.Namespace) -> float:
+    return float(read_seconds("--clip-around", options.clip_around or "2s"))
+
+
+def _occurrence_lines(options: argparse.Namespace, matrix: Matrix) -> Sequence[str]:
+    """Return the lines about all violations, between empty lines."""
+    if not options.occurrences:
+        return []
+    from rtamt_gym.recorded.occurrences import occurrence_lines
+
+    return ["", *occurrence_lines(matrix.rows), ""]
+
+
+def _write_occurrences(
+    options: argparse.Namespace, request: TracesAsked, matrix: Matrix, paths: Sequence[str]
+) -> list[str]:
+    """Write the table and the clips; return a line about each."""
+    messages = []
+    if options.write_occurrences is not None:
+        from rtamt_gym.recorded.occurrences import save_occurrences
+
+        save_occurrences(matrix.rows, options.write_occurrences)
+        messages.append(f"occurrences: {options.write_occurrences}\n")
+    if options.clip is not None:
+        messages.append(_write_clips(options, request, matrix, paths))
+    return messages
+
+
+def _write_clips(
+    options: argparse.Namespace, request: TracesAsked, matrix: Matrix, paths: Sequence[str]
+) -> str:
+    from rtamt_gym.recorded.names import with_columns
+    from rtamt_gym.recorded.occurrences import clips_of, write_table_clips
+
+    clips, left_out = clips_of(matrix.rows, _around(options), options.clip_limit or 20)
+    options.clip.mkdir(parents=True, exist_ok=True)
+    for path, own in zip(paths, clips, strict=True):
+        if own and is_bag(path):
+            from rtamt_gym.recorded.bag_output import write_bag_clips
+
+            trace, _ = read_trace_of(request, path)
+            spans = {options.clip / f"{clip.name}.mcap": (clip.begin, clip.end) for clip in own}
+            write_bag_clips(path, trace.epoch, spans)
+        elif own:
+            names = variables_of(request.specs)
+            columns = with_columns(request.specs, request.columns)
+            write_table_clips(path, names, columns, own, options.clip)
+    written = counted(sum(map(len, clips)), "clip")
+    more = f"; --clip-limit leaves out {counted(left_out, 'violation')}" if left_out else ""
+    return f"{written}: {options.clip}{more}\n"

@@ -101,10 +101,6 @@ class MutantWatch:
     If time bounds change by the period, the first trace sets the period. If other traces have
     another period, the mutants are made again, and all traces are read a second time. A mutant is
     not judged again after a trace has killed it.
-
-    Args:
-        options: The arguments.
-        request: The requirements, and how traces are judged.
     """
 
     def __init__(self, options: argparse.Namespace, request: TracesAsked) -> None:

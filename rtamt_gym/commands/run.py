@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, SpecificationError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.arguments import check_outputs, read_options, read_signals
+from rtamt_gym.commands.arguments import check_outputs, hold, open_view, read_options, read_signals
 from rtamt_gym.commands.end_notes import noted_ends
-from rtamt_gym.commands.live_view import hold, open_view
 from rtamt_gym.commands.specs import requirements_of, selected
 from rtamt_gym.options.command_line import Option, add_options, positive, read_evaluation_options
 from rtamt_gym.play.summaries import run_table, runs_json
@@ -199,7 +198,7 @@ def _screen(options: argparse.Namespace) -> Screen | None:
 
 def _shown(screen: Screen, options: argparse.Namespace) -> Callable[..., Run]:
     """Return a function that runs an episode as `simulate` does, on the screen."""
-    from rtamt_gym.watching.run_screen import RunScreen
+    from rtamt_gym.watching.screen import RunScreen
 
     run_screen = RunScreen(screen, options.speed)
 

@@ -48,11 +48,6 @@ def read_requirements(
     The name of a single requirement comes from the first that exists: ``name=path``, the text, the
     name of the file, or ``spec``, ``spec2`` and so on. Several requirements of a text keep their
     names, after the name in ``name=path``: ``safe.near``.
-
-    Args:
-        arguments: Formulas, paths of files and ``name=path``.
-        constants: Values of constants; each text uses the constants that it declares.
-        own: The requirements that the system has of its own, by name.
     """
     specs: dict[str, rtamt.Specification] = {}
     unused = {**(constants or {})}
@@ -102,14 +97,7 @@ def requirements_of(
     system: str,
     option: str = "",
 ) -> dict[str, rtamt.Specification]:
-    """Return the requirements of the arguments, or all of the system without arguments.
-
-    Args:
-        arguments: Names of requirements of the system, formulas and paths of files.
-        own: The requirements that the system has of its own, by name.
-        system: The name of the system.
-        option: The option that the arguments belong to, for the message.
-    """
+    """Return the requirements of the arguments, or all of the system without arguments."""
     if not arguments and not own:
         example = f"{option} 'always(x < 1)'".strip()
         raise InputError(f"{system} has no requirements of its own; write {example}")
@@ -169,13 +157,7 @@ def chosen(
 def selected(
     specs: Mapping[str, rtamt.Specification], names: Sequence[str], signals: Mapping[str, _S]
 ) -> tuple[dict[str, rtamt.Specification], dict[str, _S]]:
-    """Return the requirements that ``--only`` names, without the signals of the others.
-
-    Args:
-        specs: All requirements.
-        names: The names; empty for all.
-        signals: The signal of each variable.
-    """
+    """Return the requirements that ``--only`` names, without the signals of the others."""
     chosen_specs = chosen(specs, names)
     others = {*variables_of(specs)} - {*variables_of(chosen_specs)}
     return chosen_specs, {name: signal for name, signal in signals.items() if name not in others}

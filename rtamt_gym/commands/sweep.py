@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import check_outputs, read_signals
-from rtamt_gym.commands.end_notes import noted_ends
+from rtamt_gym.commands.end_notes import noted_ends, short_warnings
 from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.specs import files_of, requirements_of, selected, told_apart
 from rtamt_gym.commands.systems import opened_system, read_varied
@@ -171,6 +171,7 @@ def run(options: argparse.Namespace) -> int:
     )
     verdict_warnings += undecided_warnings(done.record, "simulation", fails=False)
     verdict_warnings += evidence_warnings(done.record, "simulation", Required.of(options))
+    verdict_warnings += short_warnings(done.record, options)
     unsatisfied = _never_satisfied(done.record)
     fails = options.require_satisfied
     verdict_warnings += [VerdictWarning(text, fails=fails) for text, _ in unsatisfied]

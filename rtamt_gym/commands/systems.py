@@ -74,10 +74,13 @@ def opened_system(options: argparse.Namespace) -> Iterator[SearchedSystem]:
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
     """Return the system of an argument in the form that `named_system` takes."""
-    if text.endswith(".py"):
+    from rtamt_gym.systems.registry import module_of
+
+    path, _, function = text.partition(":")
+    if path.endswith(".py"):
         raise InputError(
-            f"expected a system as module:function, got the name of a file; write "
-            f"{text.removesuffix('.py').replace('/', '.')}:FUNCTION"
+            "expected a system as module:function, got the name of a file; write "
+            f"{module_of(path)}:{function or 'FUNCTION'}"
         )
     if text.lower().endswith(".fmu"):
         name: dict[str, Any] = {"fmus": {Path(text).stem: text}}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from glob import glob
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Final, get_args
 
 import rtamt
 from rtamt import InputError
@@ -93,14 +94,147 @@ _SPECS = (
 )
 
 
-def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _SPECS) -> None:
-    """Add the specifications, the traces and the options for reading them.
+COLUMNS: Final = (
+    Option(
+        "--signal VARIABLE=COLUMN",
+        "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; in a bag "
+        "its topic and field, speed=/odom.twist.twist.linear.x, or the topic of a message, "
+        "cmd=/robot1/cmd_vel",
+        repeat=True,
+    ),
+    Option(
+        "--time COLUMN",
+        "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, stamp, "
+        "Time [s], elapsed_time, TimeUS, Zeit ...); for a bag log, when messages were "
+        "recorded, or header, their stamps",
+        usual="log",
+    ),
+    Option(
+        "--time-unit UNIT",
+        f"the unit of the times: {', '.join(UNITS)} (default: the unit in the name or the "
+        f"type of the column, otherwise s)",
+    ),
+    Option(
+        "--date-order",
+        "the order of day, month and year in dates such as 03/04/2024",
+        usual="an error if the order matters",
+        choices=get_args(DateOrder),
+    ),
+    Option(
+        "--where COLUMN=VALUE",
+        "read only rows with this text in the column, such as vehicle_id=3",
+        repeat=True,
+    ),
+    Option(
+        "--by COLUMN",
+        "evaluate the rows with each value of this column, such as vehicle_id, as a trace of "
+        "its own, called FILE[vehicle_id=7]",
+        repeat=True,
+    ),
+    Option(
+        "--long NAMES=VALUES",
+        "with --dense: read a table with one event in each row, a name and a value, from "
+        "these two columns, such as PID=VALUE",
+        usual="variable=value, if they exist",
+    ),
+    Option(
+        "--wide COLUMN",
+        "evaluate a table with a row per object and time as one trace, with the names of "
+        "objects from this column and variables such as speed.Ego; values of an absent object "
+        "are unknown",
+        several=True,
+    ),
+    Option(
+        "--as",
+        "how to read a folder with meta/info.json: lerobot, a data set with a trace per "
+        "episode; files, a folder of files",
+        default="lerobot",
+        choices=("lerobot", "files"),
+        dest="folders",
+    ),
+    Option(
+        "--sorted",
+        "with --by: read a Parquet file larger than memory in parts; the rows of each group "
+        "must follow each other",
+    ),
+    Option(
+        "--one-trace",
+        "evaluate all rows as one trace, although they look like several objects or episodes",
+        usual="an error",
+    ),
+    Option(
+        "--separator CHARACTER",
+        "the character between cells, such as ';' or tab",
+        usual="from the line of names",
+    ),
+    Option(
+        "--skip N",
+        "skip N lines before the line of names",
+        default=0,
+        usual="lines that can only be comments or metadata",
+        read=whole,
+    ),
+    Option(
+        "--decimal MARK",
+        "the decimal mark, . or ,",
+        usual="from the cells; an error if they can be read in two ways",
+    ),
+    Option(
+        "--missing",
+        "the meaning of an empty cell, or nan in a bag: raise, an error; hold, the value "
+        "before; drop, its row is left out; unknown, an unknown value, not for rtamt mine",
+        default="raise",
+        choices=get_args(Missing),
+    ),
+    Option(
+        "--jitter PART",
+        "samples within this part of the period, such as 5%, count as on the grid; a trace "
+        "with others is resampled by holding values",
+        usual="an uneven trace is an error",
+    ),
+    Option(
+        "--stale SECONDS",
+        "refuse a bag if a topic has no message for longer than this",
+        usual="its last value holds, with a note on a long silence",
+        read=float,
+    ),
+    Option(
+        "--same-time",
+        "the record that counts if records of a variable at one instant differ",
+        usual="an error; in bags and ULog files, last",
+        choices=get_args(SameTime),
+    ),
+    Option(
+        "--max-gap TIME",
+        "the longest time, such as 10s, that a value holds until the next record of its "
+        "column, or with --dense and in bags until the end; after that it is unknown",
+        usual="no limit, with a note on a gap of more than 10 usual steps",
+    ),
+    Option(
+        "--default NAME",
+        "use the declared default of this variable if it has no column, even with a similar "
+        "column or --no-defaults",
+        repeat=True,
+    ),
+    Option(
+        "--no-defaults",
+        "refuse a trace in which a variable would have its declared default value",
+        usual="it has that value, with a note",
+    ),
+    Option(
+        "--start",
+        "with --dense and in bags, the time before all variables of a requirement have a "
+        "value: known leaves it out; unknown reports the worse of the verdicts without it and "
+        "with unknown values in it",
+        default="unknown",
+        choices=get_args(Start),
+    ),
+)
+"""The options of `read_columns`."""
 
-    Args:
-        parser: The parser of the command.
-        command: Its name.
-        specs: The help line of the specifications.
-    """
+
+def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _SPECS) -> None:
+    """Add the specifications, the traces and the options for reading them."""
     parser.usage = (
         f"rtamt {command} [options] SPEC... TRACE\n"
         f"       rtamt {command} [options] SPEC... -- TRACE..."
@@ -125,148 +259,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         ),
         *("--view", "--semantics", "--align", "--dense"),
     )
-    add_columns(parser.add_argument_group("columns"))
-
-
-def add_columns(group: argparse._ActionsContainer) -> None:
-    """Add the arguments of `read_columns`."""
-    add_options(
-        group,
-        Option(
-            "--signal VARIABLE=COLUMN",
-            "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; in a bag "
-            "its topic and field, speed=/odom.twist.twist.linear.x, or the topic of a message, "
-            "cmd=/robot1/cmd_vel",
-            repeat=True,
-        ),
-        Option(
-            "--time COLUMN",
-            "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, stamp, "
-            "Time [s], elapsed_time, TimeUS, Zeit ...); for a bag log, when messages were "
-            "recorded, or header, their stamps",
-            usual="log",
-        ),
-        Option(
-            "--time-unit UNIT",
-            f"the unit of the times: {', '.join(UNITS)} (default: the unit in the name or the "
-            f"type of the column, otherwise s)",
-        ),
-        Option(
-            "--date-order",
-            "the order of day, month and year in dates such as 03/04/2024",
-            usual="an error if the order matters",
-            choices=get_args(DateOrder),
-        ),
-        Option(
-            "--where COLUMN=VALUE",
-            "read only rows with this text in the column, such as vehicle_id=3",
-            repeat=True,
-        ),
-        Option(
-            "--by COLUMN",
-            "evaluate the rows with each value of this column, such as vehicle_id, as a trace of "
-            "its own, called FILE[vehicle_id=7]",
-            repeat=True,
-        ),
-        Option(
-            "--long NAMES=VALUES",
-            "with --dense: read a table with one event in each row, a name and a value, from "
-            "these two columns, such as PID=VALUE",
-            usual="variable=value, if they exist",
-        ),
-        Option(
-            "--wide COLUMN",
-            "evaluate a table with a row per object and time as one trace, with the names of "
-            "objects from this column and variables such as speed.Ego; values of an absent object "
-            "are unknown",
-            several=True,
-        ),
-        Option(
-            "--as",
-            "how to read a folder with meta/info.json: lerobot, a data set with a trace per "
-            "episode; files, a folder of files",
-            default="lerobot",
-            choices=("lerobot", "files"),
-            dest="folders",
-        ),
-        Option(
-            "--sorted",
-            "with --by: read a Parquet file larger than memory in parts; the rows of each group "
-            "must follow each other",
-        ),
-        Option(
-            "--one-trace",
-            "evaluate all rows as one trace, although they look like several objects or episodes",
-            usual="an error",
-        ),
-        Option(
-            "--separator CHARACTER",
-            "the character between cells, such as ';' or tab",
-            usual="from the line of names",
-        ),
-        Option(
-            "--skip N",
-            "skip N lines before the line of names",
-            default=0,
-            usual="lines that can only be comments or metadata",
-            read=whole,
-        ),
-        Option(
-            "--decimal MARK",
-            "the decimal mark, . or ,",
-            usual="from the cells; an error if they can be read in two ways",
-        ),
-        Option(
-            "--missing",
-            "the meaning of an empty cell, or nan in a bag: raise, an error; hold, the value "
-            "before; drop, its row is left out; unknown, an unknown value, not for rtamt mine",
-            default="raise",
-            choices=get_args(Missing),
-        ),
-        Option(
-            "--jitter PART",
-            "samples within this part of the period, such as 5%, count as on the grid; a trace "
-            "with others is resampled by holding values",
-            usual="an uneven trace is an error",
-        ),
-        Option(
-            "--stale SECONDS",
-            "refuse a bag if a topic has no message for longer than this",
-            usual="its last value holds, with a note on a long silence",
-            read=float,
-        ),
-        Option(
-            "--same-time",
-            "the record that counts if records of a variable at one instant differ",
-            usual="an error; in bags and ULog files, last",
-            choices=get_args(SameTime),
-        ),
-        Option(
-            "--max-gap TIME",
-            "the longest time, such as 10s, that a value holds until the next record of its "
-            "column, or with --dense and in bags until the end; after that it is unknown",
-            usual="no limit, with a note on a gap of more than 10 usual steps",
-        ),
-        Option(
-            "--default NAME",
-            "use the declared default of this variable if it has no column, even with a similar "
-            "column or --no-defaults",
-            repeat=True,
-        ),
-        Option(
-            "--no-defaults",
-            "refuse a trace in which a variable would have its declared default value",
-            usual="it has that value, with a note",
-        ),
-        Option(
-            "--start",
-            "with --dense and in bags, the time before all variables of a requirement have a "
-            "value: known leaves it out; unknown reports the worse of the verdicts without it and "
-            "with unknown values in it",
-            default="unknown",
-            choices=get_args(Start),
-        ),
-    )
+    add_options(parser.add_argument_group("columns"), *COLUMNS)
 
 
 def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]:
@@ -275,8 +268,6 @@ def read_arguments(options: argparse.Namespace) -> tuple[TracesAsked, list[str]]
     if "" in specs:
         raise InputError("expected a requirement, got an empty text; write always(x > 0)")
     if (listed := getattr(options, "files_from", None)) is not None:
-        from rtamt_gym.commands.file_lists import listed_paths
-
         traces = [*(trace for trace in traces if trace != LISTED), *listed_paths(listed)]
     as_files = options.folders == "files"
     paths, ignored = trace_paths(traces, as_files=as_files)
@@ -596,3 +587,15 @@ def _ignored_text(folder: str, others: Sequence[Path]) -> list[str]:
         else (f"{len(names)} entries are not traces and were")
     )
     return [f"{shown(folder)}: {entries} not read: {listed}"]
+
+
+def listed_paths(name: Path) -> list[str]:
+    """Return the paths in a list of files, one on each line; ``-`` is standard input."""
+    try:
+        text = sys.stdin.read() if str(name) == "-" else name.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"--files-from: expected UTF-8 text, got {name}") from None
+    paths = list(dict.fromkeys(line for line in text.splitlines() if line.strip()))
+    if not paths:
+        raise InputError(f"--files-from: expected a path on each line, got none in {name}")
+    return paths

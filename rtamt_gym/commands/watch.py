@@ -8,18 +8,19 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rtamt import InputError
+from rtamt import InputError, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.live_view import hold, open_view
+from rtamt_gym.commands.arguments import hold, open_view
+from rtamt_gym.commands.collection import few_collections
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
-from rtamt_gym.commands.traces import add_columns, is_trace, names_file
+from rtamt_gym.commands.traces import COLUMNS, is_trace, names_file
 from rtamt_gym.options.command_line import (
     Option,
     add_options,
@@ -29,14 +30,17 @@ from rtamt_gym.options.command_line import (
 )
 from rtamt_gym.recorded.columns import Columns, read_columns, read_seconds
 from rtamt_gym.results.warnings import INTERRUPTED
-from rtamt_gym.tables import shorten
+from rtamt_gym.tables import short, shorten
 
 if TYPE_CHECKING:
+    from rtamt_gym.live.track import Track
+    from rtamt_gym.live.view import RerunView
+    from rtamt_gym.watching.events import EventGroup
     from rtamt_gym.watching.lines import Line
+    from rtamt_gym.watching.sampled import SampledGroup
     from rtamt_gym.watching.screen import Screen
-    from rtamt_gym.watching.settings import WatchOptions
-    from rtamt_gym.watching.stream_view import StreamView
-    from rtamt_gym.watching.watch import StreamWatch
+    from rtamt_gym.watching.states import RowValues
+    from rtamt_gym.watching.watch import StreamWatch, WatchOptions
 
 _COLUMNS: Final = (
     *("--signal", "--time", "--time-unit", "--date-order", "--one-trace", "--separator", "--skip"),
@@ -45,29 +49,33 @@ _COLUMNS: Final = (
 """The column options of streams; the others need the complete file."""
 
 
-_ABOUT: Final = {
-    "--signal": "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'; may be "
-    "repeated",
-    "--time": "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, stamp, "
-    "Time [s], elapsed_time, TimeUS, Zeit ...)",
-    "--decimal": "the decimal mark, . or , (default: from the first number that shows it; a number "
-    "before it that can be read in two ways is an error)",
-    "--missing": "the meaning of an empty cell, or nan: raise, an error; hold, the value before; "
-    "drop, its row is left out; unknown, an unknown value (default: raise)",
+_ABOUT: Final[Mapping[str, Mapping[str, Any]]] = {
+    "--signal": {
+        "about": "the column of a variable with another name: 'speed=Vehicle Speed [km/h]'"
+    },
+    "--time": {
+        "about": "the column of times, or two, as in secs+nsecs (default: time, timestamp, t, "
+        "stamp, Time [s], elapsed_time, TimeUS, Zeit ...)",
+        "usual": "",
+    },
+    "--decimal": {
+        "usual": "from the first number that shows it; a number before it that can be read in two "
+        "ways is an error"
+    },
+    "--missing": {
+        "about": "the meaning of an empty cell, or nan: raise, an error; hold, the value before; "
+        "drop, its row is left out; unknown, an unknown value"
+    },
 }
 """The help of options with another meaning in a stream."""
 
 
-class _StreamArguments:
-    """A group of arguments that accepts only the options of streams."""
-
-    def __init__(self, group: argparse._ArgumentGroup) -> None:
-        self._group = group
-
-    def add_argument(self, *flags: str, **keywords: Any) -> None:  # noqa: ANN401 - of argparse
-        if flags[0] in _COLUMNS:
-            about = _ABOUT.get(flags[0], keywords["help"])
-            self._group.add_argument(*flags, **{**keywords, "help": about})
+def _columns() -> Iterator[Option]:
+    """Yield the column options of streams."""
+    for option in COLUMNS:
+        flag = option.name.partition(" ")[0]
+        if flag in _COLUMNS:
+            yield replace(option, **_ABOUT.get(flag, {}))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -164,15 +172,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             usual="at the end of the stream",
         ),
     )
-    group: Any = _StreamArguments(parser.add_argument_group("columns"))
-    add_columns(group)
+    add_options(parser.add_argument_group("columns"), *_columns())
 
 
 def run(options: argparse.Namespace) -> int:
     """Judge the stream; return the exit code."""
-    from rtamt_gym.watching import stream_view
     from rtamt_gym.watching.sources import StreamSource
-    from rtamt_gym.watching.watch import StreamWatch, few_collections
+    from rtamt_gym.watching.watch import StreamWatch
 
     _check_order(options.spec, options.source)
     settings = _settings(options)
@@ -188,7 +194,7 @@ def run(options: argparse.Namespace) -> int:
     screen = output.screen = _screen(source.title) if options.screen else None
     view = open_view(options.rerun)
     if view is not None:
-        output.view = stream_view.StreamView(view, [*settings.specs], watch.rules.variables)
+        output.view = StreamView(view, [*settings.specs], watch.rules.variables)
         watch.rules.show = output.view.sample
     with (
         view or nullcontext(),
@@ -206,7 +212,7 @@ def run(options: argparse.Namespace) -> int:
     messages = [] if output.closed else watch.messages()
     print(*messages, sep="\n", end="\n" * bool(messages), file=sys.stderr)
     if output.view is not None and output.view.hidden:
-        print(f"--rerun shows the first {stream_view.SHOWN_GROUPS} groups", file=sys.stderr)
+        print(f"--rerun shows the first {SHOWN_GROUPS} groups", file=sys.stderr)
     for failure in watch.failures:
         print(f"rtamt: error: {failure}", file=sys.stderr)
     return watch.exit_code() if code is None else code
@@ -249,7 +255,7 @@ def _replayed(
     options: argparse.Namespace, watch: StreamWatch, blocks: Iterator[bytes]
 ) -> Iterator[bytes]:
     """Return the blocks of a file at the pace of its times."""
-    from rtamt_gym.watching.replay import paced
+    from rtamt_gym.watching.sources import paced
 
     if options.source == "-" or options.source.startswith(("tcp:", "unix:")) or options.follow:
         raise InputError("--speed replays a file; expected the path of a file, without --follow")
@@ -293,7 +299,7 @@ def _check_order(spec: str, source: str) -> None:
 def _settings(options: argparse.Namespace) -> WatchOptions:
     """Read the requirements and the options."""
     from rtamt_gym.recorded.judge import viewed
-    from rtamt_gym.watching.settings import WatchOptions
+    from rtamt_gym.watching.watch import WatchOptions
 
     constants = read_constants(options.constant)
     specs = chosen(read_requirements([options.spec], constants), options.only)
@@ -334,9 +340,6 @@ class _Output:
     Attributes:
         screen: The view in the terminal; None without one.
         view: The view in Rerun; None without one.
-
-    Args:
-        printed: Whether lines are written.
     """
 
     def __init__(self, *, printed: bool) -> None:
@@ -423,3 +426,77 @@ def _interrupts() -> Iterator[_Interrupts]:
         yield interrupts
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+SHOWN_GROUPS: Final = 100
+"""The maximum number of groups in a view."""
+
+
+class StreamView:
+    """Shows the groups of a stream in a view.
+
+    Attributes:
+        hidden: Whether there are more groups than a view shows.
+    """
+
+    def __init__(
+        self, view: RerunView, requirements: Sequence[str], variables: Sequence[str]
+    ) -> None:
+        self._view, self._requirements, self._variables = view, requirements, variables
+        self._tracks: dict[str | None, Track | None] = {}
+        self._verdicts: dict[tuple[str | None, str], Verdict] = {}
+        self.hidden = False
+
+    def sample(self, trace: SampledGroup | EventGroup, row: RowValues) -> None:
+        """Show the newest row of a group."""
+        track = self._track(trace.group)
+        if track is None:
+            return
+        curves: list[float] = []
+        for line in trace.newest():
+            curves += (line.robustness, line.lower, line.upper)
+        time = trace.seconds
+        track.add(row, curves, None, (trace.samples - 1, math.nan if time is None else time))
+
+    def line(self, line: Line) -> None:
+        """Show a verdict that has changed or is final, and the bounds after the end."""
+        track = self._track(line.group)
+        if track is None:
+            return
+        if line.final:
+            track.change(line.requirement, (line.robustness, line.lower, line.upper))
+        key = line.group, line.requirement
+        before = self._verdicts.get(key, Verdict.UNDECIDED)
+        self._verdicts[key] = line.verdict
+        if line.verdict is before and not (line.final and line.verdict is Verdict.UNDECIDED):
+            return
+        when = "the end" if line.final else _when(line)
+        robustness = "" if math.isnan(line.robustness) else f", robustness {short(line.robustness)}"
+        reason = f", {line.reason}" if line.reason and not line.final else ""
+        text = f"{line.requirement} {line.verdict.name} at {when}{robustness}{reason}"
+        sample = track.sample_count if line.sample is None else line.sample
+        if line.final and line.sample is None:
+            sample -= 1
+        time = math.nan if line.time is None else line.time
+        track.log(line.requirement, line.verdict, text, (sample, time, 1))
+
+    def end(self) -> None:
+        """Send the newest rows too, after the final lines."""
+        for track in self._tracks.values():
+            if track is not None:
+                track.begin()
+
+    def _track(self, group: str | None) -> Track | None:
+        if group not in self._tracks:
+            visible = len(self._tracks) < SHOWN_GROUPS
+            self.hidden |= not visible
+            self._tracks[group] = (
+                self._view.track(self._variables, self._requirements, None, group or "")
+                if visible
+                else None
+            )
+        return self._tracks[group]
+
+
+def _when(line: Line) -> str:
+    return f"sample {line.sample}" if line.time is None else f"{line.time:.6g} s"

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import BinaryIO, Final, TextIO, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.columns import unit_of_times
@@ -227,6 +228,11 @@ class CsvRecording(Recording):
             if name in (cell.strip().strip('"') for cell in cells):
                 return self._skipped + index
         return None
+
+    def selected(self, where: Mapping[str, str]) -> NDArray[np.bool_]:
+        """Return whether each row has these texts, by the texts of the file."""
+        texts = self.read(Wanted((), texts=[*where])).texts
+        return RowFilter(where, self.names, self.source).mask(texts)
 
     def last_texts(self) -> Mapping[str, str]:
         """Return the cells of the last line by their columns; empty if it cannot be read alone."""

@@ -31,7 +31,7 @@ from rtamt_gym.recorded.names import (
     with_columns,
 )
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted, places_of, selection_notes
-from rtamt_gym.recorded.roles import RowTable, has_time_bounds
+from rtamt_gym.recorded.roles import RowTable, counts_rows, has_time_bounds
 from rtamt_gym.recorded.times import HOLE, TimeAxis, in_seconds, same_as_before, simple, stated_unit
 from rtamt_gym.recorded.trace import PERIODS, Trace
 from rtamt_gym.recorded.trace_files import IF_EVENTS, check_bounds, wanted_samples
@@ -100,7 +100,7 @@ class GroupTraces:
         table, specs, period = self.table, self._specs, self.stated
         columns = with_columns(specs, columns)
         columns = replace(columns, starts=starts_of(specs, columns))
-        recording = GroupRecording(table.source, table, np.zeros(0, np.intp), columns.decimal)
+        recording = GroupRecording(table.source, table, next(iter(table.rows)), columns.decimal)
         for spec in specs.values():
             check_recorded(table.source, table.names, spec.variables, columns)
         variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
@@ -112,6 +112,9 @@ class GroupTraces:
             return None
         there, numbers = roles.assign(variables, IF_EVENTS)
         if there != variables or roles.clocks:  # some variables have defaults, or own times
+            return None
+        if time is None and columns.where and any(map(counts_rows, specs.values())):
+            # rows may be left out between counted rows
             return None
         if time is None and bounded and period is None:
             named = any(unit_of_times(name) is not None for name in read)

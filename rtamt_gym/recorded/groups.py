@@ -119,6 +119,7 @@ class GroupTable:
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
         self._traces: dict[str, _Keys] = {}
         self._steps: dict[str, float | None] = {}
+        self._selected: dict[_Keys, list[bool]] | None = None
         self.blank_rows = 0
         with self._opened() as recording:
             self.source = recording.source
@@ -127,7 +128,7 @@ class GroupTable:
             for name in columns.by:
                 if name not in self.names:
                     raise InputError(f"{self.source}: {no_such('column', name, self.names)}")
-            as_text = format_of(file) is FORMATS[0]
+            as_text = self._as_text = format_of(file) is FORMATS[0]
             keys = Wanted(
                 [],
                 texts=columns.by if as_text else (),
@@ -250,6 +251,22 @@ class GroupTable:
         medians = rows.medians(steps)[rows.least(steps) > 0]
         return float(medians.min()) if len(medians) else None
 
+    def selected(self, where: Mapping[str, str]) -> Mapping[_Keys, list[bool]]:
+        """Return whether each row of each group, also those left out, has these texts."""
+        if self._selected is None:
+            with self._opened() as recording:
+                if self._as_text:
+                    texts = recording.read(Wanted([], texts=self._columns.by)).texts
+                else:
+                    cells = recording.read(Wanted([], cells=self._columns.by)).cells
+                    texts = {name: cell_texts(column) for name, column in cells.items()}
+                marks = recording.selected(where).tolist()
+            self._selected = {}
+            keys = zip(*(texts[name] for name in self._columns.by), strict=True)
+            for key, mark in zip(keys, marks, strict=True):
+                self._selected.setdefault(key, []).append(mark)
+        return self._selected
+
     def cells(self, names: Sequence[str]) -> _Cells:
         """Return columns without conversion, and a function to the place of a row."""
         names = tuple(dict.fromkeys(names))
@@ -280,10 +297,9 @@ def _empty(column: NDArray[Any]) -> NDArray[np.bool_]:
 class GroupRecording(Recording):
     """The rows of one group of a table."""
 
-    def __init__(
-        self, source: str, table: GroupTable, rows: NDArray[np.intp], decimal: str | None
-    ) -> None:
-        self._source, self._table, self._rows, self._decimal = source, table, rows, decimal
+    def __init__(self, source: str, table: GroupTable, keys: _Keys, decimal: str | None) -> None:
+        self._source, self._table, self._keys, self._decimal = source, table, keys, decimal
+        self._rows = table.rows[keys]
         self.source = shown(source)
         self.names, self.dates, self.days = table.names, table.dates, table.days
         self.texts, self.blank, self.above = table.texts, table.blank, table.above
@@ -297,6 +313,10 @@ class GroupRecording(Recording):
     def usual_step(self, wanted: Wanted) -> float | None:
         """Return the usual distance of times in other groups, if this one has two rows only."""
         return self._table.usual_step(wanted) if len(self._rows) == 2 else None
+
+    def selected(self, where: Mapping[str, str]) -> NDArray[np.bool_]:
+        """Return whether each row of the group, also those that are left out, has these texts."""
+        return np.array(self._table.selected(where)[self._keys])
 
     def _read(self, wanted: Wanted) -> Rows:
         more = {n: text for n, text in wanted.where.items() if n not in self._table.where}
@@ -475,7 +495,7 @@ def open_group(path: str, columns: Columns) -> Iterator[Recording]:
     table, keys, _ = _find(part, columns)
     if keys not in table.rows:
         raise _no_group(path, keys, [*part.values][-len(keys) :], [*table.rows])
-    yield GroupRecording(path, table, table.rows[keys], columns.decimal)
+    yield GroupRecording(path, table, keys, columns.decimal)
 
 
 PART_ROWS: Final = 1 << 20

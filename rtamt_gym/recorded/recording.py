@@ -184,6 +184,11 @@ class Recording:
         del wanted
         return None
 
+    def selected(self, where: Mapping[str, str]) -> NDArray[np.bool_]:
+        """Return whether each row of the trace has these texts, like the rows of ``--where``."""
+        texts = {n: cell_texts(c) for n, c in self.read(Wanted((), cells=[*where])).cells.items()}
+        return RowFilter(where, self.names, self.source).mask(texts)
+
     def last_texts(self) -> Mapping[str, str]:
         """Return the cells of the last row of a text by their columns; empty if unknown."""
         return {}

@@ -46,16 +46,8 @@ from rtamt_gym.recorded.names import (
     needed_columns,
     recorded_variables,
 )
-from rtamt_gym.recorded.recording import (
-    Recording,
-    Rows,
-    Wanted,
-    cell_texts,
-)
-from rtamt_gym.recorded.times import (
-    join_times,
-    rises,
-)
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.times import join_times, rises
 from rtamt_gym.tables import counted
 
 
@@ -74,6 +66,18 @@ def has_time_bounds(spec: Specification) -> bool:
         return True
     intervals = [node.interval for node in spec.nodes() if node.interval is not None]
     return any(begin or end for begin, end in map(spec.bounds, intervals))
+
+
+def counts_rows(spec: Specification) -> bool:
+    """Return whether a specification without times counts rows: by time bounds, or neighbours.
+
+    Example:
+        >>> from rtamt import parse
+        >>> [counts_rows(parse(text)) for text in ("always(rise(x > 0))", "always(x > 0)")]
+        [True, False]
+    """
+    steps = any(node.op is not None and node.op.sampled for node in spec.nodes())
+    return steps or has_time_bounds(spec)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,27 +254,22 @@ class RowTable:
                 )
 
     def check_selection(self, rows: Rows) -> None:
-        """Check that ``--where`` leaves out no row between samples that time bounds count.
+        """Check that ``--where`` leaves out no row between samples that a formula counts.
 
         A column of object names may leave rows out, because the rows of one object follow each
         other.
         """
-        names = [n for n in self.columns.where if not names_objects(n, texts=True)]
-        if self.columns.by or not names:
+        states = {n: t for n, t in self.columns.where.items() if not names_objects(n, texts=True)}
+        if not states:
             return
-        chosen = np.ones(1, bool)
-        for name, values in self.recording.read(Wanted((), cells=names)).cells.items():
-            texts = np.array(cell_texts(values))
-            chosen = chosen & (texts == self.columns.where[name])
-        (places,) = np.nonzero(chosen)
-        steps = np.diff(places)
-        if len(places) != rows.count or not len(steps) or (steps == steps[0]).all():
+        (places,) = np.nonzero(self.recording.selected(states))
+        gaps = np.diff(places) > 1
+        if not gaps.any():
             return
-        at = int((steps > steps.min()).argmax()) + 1
         raise InputError(
-            f"{rows.where(at)}: --where leaves out rows before this one, so time bounds that "
-            "count rows may reach too far. State the condition in the requirement, or give "
-            "--one-trace if the selected rows follow each other."
+            f"{rows.where(int(gaps.argmax()) + 1)}: --where leaves out rows before this one, so a "
+            "formula that counts rows may reach too far. State the condition in the requirement, "
+            "or give --one-trace if the selected rows follow each other."
         )
 
     def check_clocks(self, rows: Rows) -> None:
@@ -290,6 +289,8 @@ class RowTable:
 
     def check_times(self, rows: Rows) -> None:
         """Check that no unread column looks like times."""
+        if not rows.count:
+            return
         every = [*dict.fromkeys(self.recording.names)]
         named = [n for n in every if n in self.read and unit_of_times(n) is not None]
         names = [*self.unread, *named]

@@ -31,7 +31,7 @@ from rtamt_gym.recorded.names import (
 from rtamt_gym.recorded.parts import part_of
 from rtamt_gym.recorded.readers import FORMATS, Format, format_of, open_recording
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted, selection_notes
-from rtamt_gym.recorded.roles import RowTable, has_time_bounds
+from rtamt_gym.recorded.roles import RowTable, counts_rows, has_time_bounds
 from rtamt_gym.recorded.times import (
     HOLE,
     TIME,
@@ -58,6 +58,11 @@ from rtamt_gym.recorded.trace import (
 )
 from rtamt_gym.results.extent import Gap
 from rtamt_gym.tables import counted
+
+DROPPED_ROW = (
+    "--missing drop leaves out the row before this one, so a formula that counts rows may reach "
+    "too far. Give --missing unknown, or --one-trace if the rows that stay follow each other."
+)
 
 
 def read_ruled(
@@ -97,6 +102,7 @@ def read_ruled(
             if_events=_IF_CLOCKS if row.clocks else IF_EVENTS,
             period=reading.seconds,
             timed=any(map(has_time_bounds, specs.values())),
+            counts=any(map(counts_rows, specs.values())),
             table=table,
         )
     return _with_period(trace, specs, reading, columns)
@@ -258,6 +264,7 @@ def read_trace(
     if_events: str = "",
     period: Fraction | None = None,
     timed: bool = False,
+    counts: bool = False,
     table: bool = False,
 ) -> Trace:
     """Read samples of the variables, and their times if there is a column of times.
@@ -320,7 +327,7 @@ def read_trace(
     if period is None:
         trace = _one_row_a_time(trace, columns)
     trace = _measured(trace, columns, None if period is None else float(period))
-    counted_rows = table and timed and roles.time is None and not columns.one_trace
+    counted_rows = table and counts and roles.time is None and not columns.one_trace
     if counted_rows:
         roles.check_selection(rows)
     trace = _filled(trace, columns, counted_rows=counted_rows)
@@ -422,7 +429,7 @@ def _measured(trace: Trace, columns: Columns, period: float | None) -> Trace:
 def _filled(trace: Trace, columns: Columns, *, counted_rows: bool = False) -> Trace:
     """Return the trace after the treatment of empty cells, which are nan.
 
-    If time bounds count its rows, no row between them may be omitted.
+    If a formula counts its rows, no row between them may be omitted.
     """
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
@@ -475,11 +482,7 @@ def _without_empty(
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
     if counted_rows and (np.diff(rows) > 1).any():
         row = int(rows[(np.diff(rows) > 1).argmax() + 1])
-        raise InputError(
-            f"{trace.where(row)}: --missing drop leaves out the row before this one, so time "
-            "bounds that count rows may reach too far. Give --missing unknown, or --one-trace if "
-            "the rows that stay follow each other."
-        )
+        raise InputError(f"{trace.where(row)}: {DROPPED_ROW}")
     left_out = trace.samples - len(rows)
     note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
     selected = trace.selected(rows)

@@ -30,7 +30,7 @@ from rtamt import InputError, InputTypeError, RtamtError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.sources import described
-from rtamt_gym.systems.registry import find_object, line_in
+from rtamt_gym.systems.registry import find_object, line_in, module_of
 from rtamt_gym.systems.system import Policy, exited
 
 SeededPolicy = Callable[[int], Policy]
@@ -66,7 +66,7 @@ def policy_of(text: str, env: gym.Env[Any, Any], *, option: str = "--policy") ->
     if kind.endswith(".py"):
         raise InputError(
             f"{option}: expected module:function, got the name of a file; write "
-            f"{kind.removesuffix('.py').replace('/', '.')}:{remainder}"
+            f"{module_of(kind)}:{remainder}"
         )
     target = find_object(kind, remainder)
     if isinstance(target, type):

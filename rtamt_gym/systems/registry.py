@@ -160,8 +160,24 @@ def line_in(module: str, error: BaseException) -> str:
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
+def module_of(path: str) -> str:
+    """Return the name of the module in a file.
+
+    Example:
+        >>> module_of("tank.py"), module_of("./plants/tank.py"), module_of("/home/me/tank.py")
+        ('tank', 'plants.tank', 'tank')
+    """
+    file = Path(path).with_suffix("")
+    outside = file.is_absolute() or ".." in file.parts
+    return file.name if outside else ".".join(file.parts)
+
+
 def imported(module: str) -> ModuleType:
     """Import a module, also from the working directory."""
+    if module.endswith(".py"):
+        raise InputError(
+            f"expected a module, got the name of a file, {module}; write {module_of(module)}"
+        )
     here = str(Path.cwd())
     if here not in sys.path and "" not in sys.path:
         sys.path.insert(0, here)  # as `python -m` does

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,34 +13,33 @@ from rtamt import InputError, Verdict
 from rtamt.typing import End, NanPolicy
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
-from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats, RawTimes
-from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number
-from rtamt_gym.watching.clock import ClockRules, StreamClock, plain_times
+from rtamt_gym.watching.clock import ClockRules, StreamClock
 from rtamt_gym.watching.lines import Line
 from rtamt_gym.watching.rows import RowFault
-from rtamt_gym.watching.states import RowValues, StreamRules
+from rtamt_gym.watching.states import (
+    GroupTrace,
+    RowValues,
+    StreamRules,
+    VerdictState,
+    instant_verdict,
+)
 from rtamt_gym.watching.values import without_place
 
 
-class EventState:
+class EventState(VerdictState):
     """A requirement on the events of one trace.
 
     If its variables start at different times, two traces are judged: one from the first value, with
     unknown values of the other variables, and one from the time when all variables have values. The
     worse verdict counts, as in a file.
-
-    Args:
-        rules: How traces are judged.
-        name: The requirement.
-        absent: The variables without a column.
     """
 
     def __init__(self, rules: StreamRules, name: str, absent: Sequence[str]) -> None:
         spec, options = rules.specs[name], rules.reading
-        self.name = name
+        super().__init__(name)
         nan = "unknown" if options.nan == "unknown" else "raise"
         self._keywords: dict[str, Any] = {"semantics": options.semantics, "nan": nan}
         self._spec = viewed(spec, options.view)
@@ -51,15 +49,14 @@ class EventState:
         self._places = {v: rules.variables.index(v) for v in names}
         self._started = False
         self._before: rtamt.dense.EpisodeMonitor | None = None
-        self.verdict, self.reason = Verdict.UNDECIDED, ""
         self.decided_at: float | None = None
         self.begin = math.nan
         """The time at which the trace of the verdict starts."""
         self._instants: rtamt.dense.Monitor | None = None
-        self.last_instant: Verdict | None = None
         self.changes = 0
         if rules.by_step and spec.horizon < math.inf:
             self._instants = rtamt.dense.Monitor(spec, semantics=options.semantics)
+            self._by_instant = True
 
     def update(self, time: float, row: RowValues, known: Sequence[bool]) -> None:
         """Update the monitors with the values of the known variables from a time on."""
@@ -121,15 +118,7 @@ class EventState:
         return counted.robustness, lower, max(self.monitor.upper, other.upper)
 
     def finish(self, end: End, *, early: bool) -> None:
-        """End the trace.
-
-        Args:
-            end: The end mode.
-            early: Whether more rows could have come.
-
-        Raises:
-            InputError: If a variable never had a value.
-        """
+        """End the trace."""
         if not self._started and early:
             return
         if not self._started:
@@ -140,13 +129,6 @@ class EventState:
         verdict = self._counted.verdict
         if verdict is not self.verdict:
             self.verdict, self.reason = verdict, f"the end of the trace ({end})"
-
-    @property
-    def violates(self) -> bool:
-        """Whether a violation is known that ``--stop violation`` waits for."""
-        if self._instants is not None:
-            return self.last_instant is Verdict.VIOLATED
-        return self.verdict is Verdict.VIOLATED
 
 
 _FIRST = 512
@@ -159,16 +141,8 @@ _TICK = 1e-9
 """The resolution of dense time in seconds."""
 
 
-class EventGroup:
-    """The events of one group.
-
-    Args:
-        rules: How traces are judged.
-        columns: How empty cells count.
-        clock: How times are read.
-        group: The name of the group; None without groups.
-        absent: The variables without a column.
-    """
+class EventGroup(GroupTrace):
+    """The events of one group."""
 
     def __init__(
         self,
@@ -178,29 +152,20 @@ class EventGroup:
         group: str | None,
         absent: Sequence[str],
     ) -> None:
-        self._rules, self._columns, self._clock_rules = rules, columns, clock
-        self.group, self._absent = group, absent
-        self._clock: StreamClock | None = None
+        super().__init__(rules, columns, clock, group)
+        self._clock_rules: ClockRules = clock
         self._states = [EventState(rules, name, absent) for name in rules.specs]
-        rules.undecided += len(rules.specs)
-        rules.evidence.begin()
         self._kept: list[tuple[float, RowValues]] = []
         self._held: list[float] = []
         self._pending: list[float] = []
         self._raw: RawTimes | None = None
-        self._fed = self._gap = False
+        self._fed = False
         self._time = self._judged = 0.0
         self._first: RawTimes = np.zeros(0, np.int64)
         self._changes: list[tuple[float, RowValues]] = []
         """The values from the row before on, with their times."""
-        self._missing = Counter[str]()
-        """The number of empty cells of each variable."""
         self._late: list[str] = []
         """The variables that still have their default, because no event came."""
-        self.samples = 0
-        self.stopped = False
-        self.stop_line = 0
-        """The line of the row at which ``--stop`` ended the stream."""
 
     def lose(self) -> None:
         """Note that a line was left out: values are unknown from the last row to the next."""
@@ -226,17 +191,10 @@ class EventGroup:
             self._clock = self._begin(raw, line)
             self._take_defaults(row)
         elif self._raw is not None:
-            both = plain_times(np.concatenate([self._raw, raw]))
-            if bool(same_as_before(both)[0]):
+            if self._check_back(self._raw, raw):
                 self._merge(row)
                 self._count_empty(row)
                 return
-            if both[1] < both[0]:
-                raise RowFault(
-                    0,
-                    f"expected times that increase, got {raw[0]} after {self._raw[0]}",
-                    skippable=False,
-                )
             self._flush()
             if self.stopped:
                 return
@@ -271,13 +229,6 @@ class EventGroup:
             if self._is_no_event(value) and name in starts:
                 self._default_note(name, "its first cell is empty")
                 self._late.append(name)
-
-    def _default_note(self, name: str, why: str) -> str:
-        """Return the note on a default; raise InputError without a place if it is refused."""
-        try:
-            return take_default(self._rules.source, name, self._columns, why)
-        except InputError as error:
-            raise InputError(str(error).removeprefix(f"{self._rules.source}: ")) from None
 
     def _begin(self, raw: RawTimes, line: int) -> StreamClock:
         """Return the clock that starts with the first row."""
@@ -323,12 +274,7 @@ class EventGroup:
             if self._is_no_event(value) or old == value or (old != old and value != value):  # noqa: PLR0124
                 continue
             if not self._is_no_event(old):
-                raise RowFault(
-                    0,
-                    f"expected one value of '{self._rules.variables[place]}' at one time, got "
-                    f"{number(old)} and {number(value)}{self._rules.objects_hint(self.group)}",
-                    skippable=False,
-                )
+                raise self._two_values(self._rules.variables[place], old, value)
             self._pending[place] = value
 
     def _flush(self) -> None:
@@ -401,16 +347,11 @@ class EventGroup:
             if self.samples == 1:
                 rules.emit(self._line(state))
             self._emit_instants(state, state.instants(self._time, row, self._known))
-        if rules.show is not None:
-            rules.show(self, row)
-        if rules.stop == "violation":
-            self.stopped = any(state.violates for state in self._states)
-        elif rules.stop == "decided":
-            self.stopped = not rules.undecided
+        self._end_row(row, self._states)
 
     def _emit_instants(self, state: EventState, points: list[tuple[float, float]]) -> None:
         for time, robustness in points:
-            verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+            verdict = instant_verdict(robustness)
             if verdict is state.last_instant and not self._rules.every:
                 continue
             state.changes += verdict is not state.last_instant
@@ -433,12 +374,7 @@ class EventGroup:
         )
 
     def finish(self, end: End, *, early: bool = False) -> list[Line]:
-        """End the trace; return the final line of each requirement.
-
-        Args:
-            end: The end mode.
-            early: Whether more rows could have come, also of variables without a value so far.
-        """
+        """End the trace; return the final line of each requirement."""
         if not self.stopped:
             self._flush()
         self._rules.undecided -= sum(not state.verdict for state in self._states)
@@ -463,7 +399,7 @@ class EventGroup:
             counts: Mapping[str, int] | None = None
             if self._rules.by_step:
                 counts = {"changes": state.changes}
-            missing = {v: n for v in state.monitor.variables if (n := self._missing[v])}
+            missing = self._missing_of(state.monitor.variables)
             line = self._line(state)._replace(end=end, final=True, instants=counts)
             lines.append(line._replace(missing=missing))
         return lines

@@ -1,14 +1,21 @@
-"""Notes on how the rows of a stream were read, with the same texts as for files."""
+"""Notes on how the rows of a stream were read, and warnings on the verdicts, as for files."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+import rtamt
 from rtamt.errors import shown
+from rtamt_gym.recorded.judge import viewed
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.outcome import Failure, Outcome
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.warnings import VerdictWarning, bare_variable_warnings, evidence_warnings
 from rtamt_gym.tables import counted, number
 
 
@@ -33,13 +40,7 @@ class StreamNotes:
     def add_unknown(
         self, names: Sequence[str], empty: NDArray[np.bool_], lines: Sequence[int]
     ) -> None:
-        """Count empty cells that are unknown.
-
-        Args:
-            names: The variables.
-            empty: Whether each cell is empty, shape (rows, variables).
-            lines: The lines of the rows.
-        """
+        """Count empty cells that are unknown."""
         for place in np.nonzero(empty.any(axis=0))[0].tolist():
             name, cells = names[place], empty[:, place]
             self._unknown[name] += int(cells.sum())
@@ -66,11 +67,7 @@ class StreamNotes:
             self._period = self._period or f"{place}{text}"
 
     def texts(self, *, dense: bool) -> list[str]:
-        """Return the notes in sentences.
-
-        Args:
-            dense: Whether rows are events.
-        """
+        """Return the notes in sentences."""
         texts = []
         if any(self.held.values()):
             counts = ", ".join(f"{name}: {count}" for name, count in self.held.items() if count)
@@ -94,3 +91,63 @@ class StreamNotes:
         if self._periods > 1:
             period += f" (and {counted(self._periods - 1, 'more group')} with other times)"
         return [*texts, *filter(None, [self._unit, period])]
+
+
+_MOST: Final = 1_000_000
+"""The maximum number of rows of all traces that are kept to count triggers."""
+
+_TRACE: Final = 1000
+"""The minimum number of rows that a trace counts."""
+
+JudgeTrace = Callable[[str, rtamt.Specification], rtamt.Judgement]
+"""Judges a requirement on the rows of a trace."""
+
+
+class StreamEvidence:
+    """The triggers of implications on the traces of a stream."""
+
+    def __init__(self, specs: Mapping[str, rtamt.Specification], view: str) -> None:
+        self._specs = specs
+        self._viewed = {name: viewed(spec, view) for name, spec in specs.items()}
+        self.counted = [
+            name
+            for name, spec in self._viewed.items()
+            if any(node.op is not None and node.op.name == "implies" for node in spec.nodes())
+        ]
+        """The requirements with an implication."""
+        self._left = _MOST
+        self._trials: list[Trial] = []
+
+    def begin(self) -> None:
+        """Count a new trace."""
+        self.add(_TRACE)
+
+    def add(self, rows: int) -> bool:
+        """Count rows; return whether the trace must keep them."""
+        self._left -= rows
+        if self._left < 0:
+            self.counted = []
+        return bool(self.counted)
+
+    def finish(self, judge: JudgeTrace) -> None:
+        """Count the triggers of a trace at its end."""
+        cells: dict[str, Outcome | Failure] = {}
+        for name in self.counted:
+            result = judge(name, self._viewed[name])
+            cells[name] = Outcome(
+                *(result.robustness, result.lower, result.upper, result.verdict, None),
+                triggers=result.triggers,
+                vacuous=result.vacuous,
+                unknown=result.unknown,
+            )
+        self._trials.append(Trial.of_trace(str(len(self._trials)), "", cells))
+
+    def warnings(self) -> list[VerdictWarning]:
+        """Return the warnings on the verdicts, as for recorded traces."""
+        texts = {name: str(spec.standalone()) for name, spec in self._specs.items()}
+        if self._left < 0:
+            text = f"triggers of implications are not counted in more than {_MOST} rows"
+            return [*bare_variable_warnings(texts), VerdictWarning(text)]
+        if not self._trials:
+            return [*bare_variable_warnings(texts)]
+        return evidence_warnings(Matrix(self._trials, texts))

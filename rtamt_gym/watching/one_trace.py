@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import islice, takewhile
-from typing import Final, Protocol
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -36,13 +36,15 @@ _FEW, _FALLS = 64, 32
 """The rows after which, and the falls up to which, numbers of rows are checked again at once."""
 
 
-class Guard(Protocol):
+class Guard:
     """Checks one column of a stream, as `objects_in` does in a file."""
 
-    name: str
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
         """Take in the cells of a block and its times; raise RowFault at a row of another trace."""
+        raise NotImplementedError
 
     def finish(self, *, early: bool, beyond: int = 0) -> str:
         """Return the fault that the rows so far show; empty without one.
@@ -51,22 +53,15 @@ class Guard(Protocol):
             early: Whether ``--stop`` has ended the stream, so that its last row is not known.
             beyond: The number of rows after the stop, which do not count.
         """
+        del early, beyond
+        return ""
 
 
-def guards_of(
-    name: str,
-    read: Collection[str],
-    *,
-    texts: bool,
-    timed: bool,
-    first: bool,
-    uneven: bool = False,
-    totals: bool = False,
-) -> list[Guard]:
-    """Return the checks of a column that no requirement reads.
+class GuardedColumn(NamedTuple):
+    """A column that no requirement reads, and that may show several traces.
 
-    Args:
-        name: The column.
+    Attributes:
+        name: Its name.
         read: The columns that requirements read.
         texts: Whether it holds texts.
         timed: Whether the stream has times; without them, numbers of rows may start again.
@@ -74,15 +69,27 @@ def guards_of(
         uneven: Whether times may be at uneven distances.
         totals: Whether its last cell may be the name of a row of totals.
     """
-    if flagged_row(name):
-        return [FlagGuard(name, timed=timed)]
-    guards: list[Guard] = [TotalsGuard(name)] if totals else []
-    guards.append(ObjectGuard(name, read, texts=texts))
-    if not timed:
-        return [*guards, CountGuard(name, first=first)]
-    if texts:
-        return [*guards, OrderGuard(name, read)]
-    return [*guards, TurnGuard(name)] if uneven else guards
+
+    name: str
+    read: Collection[str]
+    texts: bool
+    timed: bool
+    first: bool
+    uneven: bool
+    totals: bool = False
+
+    def guards(self) -> list[Guard]:
+        """Return the checks of the column in a trace."""
+        name, read = self.name, self.read
+        if flagged_row(name):
+            return [FlagGuard(name, timed=self.timed)]
+        guards: list[Guard] = [TotalsGuard(name)] if self.totals else []
+        guards.append(ObjectGuard(name, read, texts=self.texts))
+        if not self.timed:
+            return [*guards, CountGuard(name, first=self.first)]
+        if self.texts:
+            return [*guards, OrderGuard(name, read)]
+        return [*guards, TurnGuard(name)] if self.uneven else guards
 
 
 def _another_trace(name: str) -> str:
@@ -92,16 +99,12 @@ def _another_trace(name: str) -> str:
     )
 
 
-class FlagGuard:
-    """Notices a row after the last row of an episode, or a second first row.
-
-    Args:
-        name: The column of flags.
-        timed: Whether the stream has times.
-    """
+class FlagGuard(Guard):
+    """Notices a row after the last row of an episode, or a second first row."""
 
     def __init__(self, name: str, *, timed: bool) -> None:
-        self.name, self._timed = name, timed
+        super().__init__(name)
+        self._timed = timed
         self._last: list[str] = []
         self._flags = True
 
@@ -120,22 +123,13 @@ class FlagGuard:
             raise RowFault(row - before, _another_trace(self.name), skippable=False)
         self._last = texts[-1:]
 
-    def finish(self, *, early: bool, beyond: int = 0) -> str:
-        """Return no fault: every row has been checked."""
-        del early, beyond
-        return ""
 
-
-class CountGuard:
-    """Notices that times or numbers of rows start again, and a last row of totals.
-
-    Args:
-        name: The column.
-        first: Whether it is the first column.
-    """
+class CountGuard(Guard):
+    """Notices that times or numbers of rows start again, and a last row of totals."""
 
     def __init__(self, name: str, *, first: bool) -> None:
-        self.name, self._first = name, first
+        super().__init__(name)
+        self._first = first
         self._values: list[float] = []
         self._counts = True
         self._checked = self._falls = 0
@@ -197,15 +191,11 @@ def totals_fault(name: str, text: str) -> str:
     )
 
 
-class TotalsGuard:
-    """Notices a last row that a column of texts calls a row of totals.
-
-    Args:
-        name: The column.
-    """
+class TotalsGuard(Guard):
+    """Notices a last row that a column of texts calls a row of totals."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
+        super().__init__(name)
         self._last, self._words = "", set[str]()
         self._numbers = True
         """Whether all cells but the last are numbers or empty."""
@@ -239,28 +229,19 @@ def _several_values(row: int, name: str, value: str) -> RowFault:
     )
 
 
-class ObjectGuard:
-    """Notices that a column names several objects or episodes.
-
-    Args:
-        name: The column.
-        read: The columns that requirements read.
-        texts: Whether it holds texts.
-    """
+class ObjectGuard(Guard):
+    """Notices that a column names several objects or episodes."""
 
     def __init__(self, name: str, read: Collection[str], *, texts: bool) -> None:
-        self.name, self._read, self._texts = name, read, texts
+        super().__init__(name)
+        self._read, self._texts = read, texts
         self._certain = names_objects(name) or (texts and names_objects(name, texts=True))
         self._named = self._certain or may_tell_objects(name, read, timed=True)
         self._values: dict[str, None] = {}
         self._repeats = False
 
     def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
-        """Take in the cells of a block.
-
-        Raises:
-            RowFault: At the row that shows another object.
-        """
+        """Take in the cells of a block."""
         del times
         if not self._named or len(self._values) > _KEYS:
             return
@@ -291,113 +272,83 @@ class ObjectGuard:
         numbers = None if self._texts else floats_in(texts)
         return tells_objects(self.name, np.array(texts if numbers is None else numbers), self._read)
 
-    def finish(self, *, early: bool, beyond: int = 0) -> str:
-        """Return no fault: every row has been checked."""
-        del early, beyond
-        return ""
-
 
 _SHOWN: Final = 16
 """The values of a column that show whether they are flags."""
 
 
-class OrderGuard:
-    """Notices texts that alternate at uneven times, as names of interleaved objects do.
+_EARLY: Final = 64
+"""The rows after which an order is checked first; again at twice as many each, and at the end."""
 
-    Args:
-        name: The column.
-        read: The columns that requirements read.
+
+class TurnGuard(Guard):
+    """Notices whole numbers that take turns at uneven times, as numbers of interleaved objects do.
+
+    The order of all rows so far is checked at numbers of rows that double.
     """
 
-    def __init__(self, name: str, read: Collection[str]) -> None:
-        self.name, self._read = name, read
-        self._texts: list[str] = []
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._cells: list[Any] = []
         self._times: list[RawTimes] = []
-        self._next = _EARLY
+        self._next, self._ordered = _EARLY, True
 
     def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
-        """Take in the cells of a block and its times.
-
-        Raises:
-            RowFault: If the texts so far alternate.
-        """
-        if times is None or len(self._texts) > _KEYS:
+        """Take in the cells of a block and its times."""
+        if times is None or not self._ordered or len(self._cells) > _KEYS:
             return
-        before = len(self._texts)
-        self._texts += [cell_text(cell).strip() for cell in cells]
+        values = self._values(list(map(cell_text, cells)))
+        if values is None:
+            self._ordered = False
+            self._cells, self._times = [], []
+            return
+        before = len(self._cells)
+        self._cells += values
         self._times.append(plain_times(times))
-        while self._next <= len(self._texts):
+        while self._next <= len(self._cells):
             count, self._next = self._next, 2 * self._next
-            if self._alternates(count):
-                raise _several_values(max(count - 1 - before, 0), self.name, self._texts[count - 1])
-
-    def _alternates(self, count: int) -> bool:
-        if not tells_objects(self.name, np.array(self._texts[:count]), self._read):
-            return False
-        return not are_even(np.concatenate(self._times)[:count])
+            if self._shows_objects(count):
+                raise self._fault(count, max(count - 1 - before, 0))
 
     def finish(self, *, early: bool, beyond: int = 0) -> str:
         """Return the fault that the rows so far show; empty without one."""
         del early
-        count = len(self._texts) - beyond
-        if count <= 0 or count > _KEYS or not self._alternates(count):
-            return ""
-        return _several_values(0, self.name, self._texts[count - 1]).reason
+        count = len(self._cells) - beyond
+        shows = 0 < count <= _KEYS and self._shows_objects(count)
+        return self._fault(count, 0).reason if shows else ""
 
-
-class TurnGuard:
-    """Notices whole numbers that take turns at uneven times, as numbers of interleaved objects do.
-
-    Args:
-        name: The column.
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self._values: list[float] = []
-        self._times: list[RawTimes] = []
-        self._next, self._numbers = _EARLY, True
-
-    def check(self, cells: ColumnCells, times: RawTimes | None) -> None:
-        """Take in the cells of a block and its times.
-
-        Raises:
-            RowFault: If the numbers so far take turns.
-        """
-        if times is None or not self._numbers or len(self._values) > _KEYS:
-            return
-        values = floats_in(list(map(cell_text, cells)), gaps=True)
-        if values is None:
-            self._numbers = False
-            self._values, self._times = [], []
-            return
-        before = len(self._values)
-        self._values += values.tolist()
-        self._times.append(plain_times(times))
-        while self._next <= len(self._values):
-            count, self._next = self._next, 2 * self._next
-            if self._take_turns(count):
-                raise _several_values(max(count - 1 - before, 0), self.name, self._text(count))
-
-    def _take_turns(self, count: int) -> bool:
+    def _shows_objects(self, count: int) -> bool:
+        """Return whether the first rows show objects in turns."""
         times = np.concatenate(self._times)[:count]
         if are_even(times) or not (times[1:] > times[:-1]).all():
             return False
         turns = turns_in(times)
-        values = np.array(self._values[:count])
+        values = np.array(self._cells[:count])
         return bool(turns) and objects_by_turns({self.name: values}, turns) is not None
 
-    def _text(self, count: int) -> str:
-        return f"{self._values[count - 1]:.0f}"
+    def _values(self, texts: Sequence[str]) -> list[Any] | None:
+        """Return the cells to compare; None if the column does not number objects."""
+        values = floats_in(texts, gaps=True)
+        return None if values is None else list(values)
 
-    def finish(self, *, early: bool, beyond: int = 0) -> str:
-        """Return the fault that the rows so far show; empty without one."""
-        del early
-        count = len(self._values) - beyond
-        if count <= 0 or count > _KEYS or not self._take_turns(count):
-            return ""
-        return _several_values(0, self.name, self._text(count)).reason
+    def _fault(self, count: int, row: int) -> RowFault:
+        return _several_values(row, self.name, f"{self._cells[count - 1]:.0f}")
 
 
-_EARLY: Final = 64
-"""The rows after which an order is checked first; again at twice as many each, and at the end."""
+class OrderGuard(TurnGuard):
+    """Notices texts that alternate at uneven times, as names of interleaved objects do."""
+
+    def __init__(self, name: str, read: Collection[str]) -> None:
+        super().__init__(name)
+        self._read = read
+
+    def _shows_objects(self, count: int) -> bool:
+        if not tells_objects(self.name, np.array(self._cells[:count]), self._read):
+            return False
+        return not are_even(np.concatenate(self._times)[:count])
+
+    def _values(self, texts: Sequence[str]) -> list[Any]:
+        return [text.strip() for text in texts]
+
+    def _fault(self, count: int, row: int) -> RowFault:
+        return _several_values(row, self.name, self._cells[count - 1])

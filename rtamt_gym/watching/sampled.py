@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -15,24 +15,36 @@ from rtamt import InputError, Verdict
 from rtamt.typing import End
 from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.names import take_default
 from rtamt_gym.recorded.recording import Floats, RawTimes
-from rtamt_gym.recorded.times import HOLE, same_as_before
-from rtamt_gym.recorded.trace_files import check_bounds
+from rtamt_gym.recorded.roles import counts_rows
+from rtamt_gym.recorded.times import HOLE
+from rtamt_gym.recorded.trace_files import DROPPED_ROW, check_bounds
 from rtamt_gym.results.extent import Extent
 from rtamt_gym.tables import number, time_text
-from rtamt_gym.watching.clock import ClockRules, StreamClock, on_grid, plain_times
+from rtamt_gym.watching.clock import (
+    DRIFT,
+    ClockRules,
+    StepCounter,
+    StreamClock,
+    on_grid,
+    plain_times,
+)
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.period_note import StepCounter
 from rtamt_gym.watching.rows import RowFault
-from rtamt_gym.watching.states import RowValues, SampledState, StreamRules
+from rtamt_gym.watching.states import (
+    GroupTrace,
+    RowValues,
+    SampledState,
+    StreamRules,
+    instant_verdict,
+)
 from rtamt_gym.watching.values import without_place
 
 _UNKNOWN = 1_000_000
 """The maximum number of successive samples that bad lines may leave out."""
 
 
-class SampledGroup:
+class SampledGroup(GroupTrace):
     """The samples of one group.
 
     Args:
@@ -52,12 +64,11 @@ class SampledGroup:
         *,
         lost: bool,
     ) -> None:
-        self._rules, self._columns, self._clock_rules = rules, columns, clock
-        self.group, self._lost = group, lost
+        super().__init__(rules, columns, clock, group)
+        self._lost = lost
         self._period = rules.reading.seconds
         self._stated = self._period is not None
         self._timed_specs = any(spec.timed for spec in rules.specs.values())
-        self._clock: StreamClock | None = None
         self._states: list[SampledState] = []
         self._first: tuple[RowValues, RawTimes, int] | None = None
         self._two: RawTimes = np.zeros(0)
@@ -67,20 +78,13 @@ class SampledGroup:
         self._last_row: RowValues = ()
         self._last = 0.0
         self._steps = StepCounter("" if clock is None else clock.source)
-        self._gap = False
-        self.samples = 0
-        self.stopped = False
-        self.stop_line = 0
-        """The line of the row at which ``--stop`` ended the stream."""
         self._kept: list[Floats] = []
         self._newest: tuple[float, bool] | None = None
         """The time of the newest row, and whether it has an empty cell, if rows are left out."""
-        self._missing = Counter[str]()
-        """The number of empty cells of each variable."""
+        self._begins = self._left_out = False
+        """Whether a full row has come, and an empty one after it, if rows are left out."""
         self._all_steps = StepCounter(self._steps.source)
         """The distances of all rows, if rows with an empty cell are left out."""
-        rules.undecided += len(rules.specs)
-        rules.evidence.begin()
         if self._stated or clock is None:
             self._start()
 
@@ -103,8 +107,10 @@ class SampledGroup:
         Raises:
             RowFault: At a row that cannot be judged, after all rows before it were judged.
         """
-        fault = None
-        if raw is not None and self._columns.missing == "drop" and not self._stated:
+        fault, drops = None, self._columns.missing == "drop"
+        if drops and raw is None:
+            fault = self._fault_of_left_out(values)
+        elif drops and raw is not None and not self._stated:
             fault = self._fault_of_dropped(values, raw)
             if len(raw):
                 self._all_steps.add(plain_times(raw), lines)
@@ -186,10 +192,8 @@ class SampledGroup:
         both = np.concatenate([first, raw])
         if (first.dtype.kind in "mM") != (raw.dtype.kind in "mM"):
             raise RowFault(at, "expected times like the first, got numbers and dates")
-        if bool(same_as_before(plain_times(both))[0]):
-            self._check_same(before, row, at)
+        if self._same_row(first, before, row, raw, at):
             return
-        self._check_back(first, raw, at)
         lines = [first_line, line]
         clock = StreamClock(self._clock_rules, both, lines)
         self._period = clock.period(self._clock_rules.source, lines, timed=self._timed_specs)
@@ -216,7 +220,8 @@ class SampledGroup:
             good = count if not back.any() else min(count, int(back.argmax()))
         else:
             near = on_grid(
-                since, self._last, self.samples, float(period), clock.precision(raw, since)
+                *(since, self._last, self.samples, float(period), clock.precision(raw, since)),
+                counted=self._timed_specs,
             )
             good = count if near.all() else min(count, int(near.argmin()))
         if good:
@@ -247,11 +252,9 @@ class SampledGroup:
     def _odd_row(self, row: RowValues, raw: RawTimes, since: float, at: int, line: int) -> None:
         """Judge a row off the grid: at the time of the row before, or after a gap."""
         assert self._last_raw is not None, "a row came before"  # noqa: S101 - for mypy
-        self._check_back(self._last_raw, raw, at)
-        period = float(self._period or 1)
-        if bool(same_as_before(plain_times(np.concatenate([self._last_raw, raw])))[0]):
-            self._check_same(self._last_row, row, at)
+        if self._same_row(self._last_raw, self._last_row, row, raw, at):
             return
+        period = float(self._period or 1)
         steps = round((since - self._last) / period)
         off = abs(since - self._last - steps * period)
         if self._lost and self._gap and 2 <= steps <= _UNKNOWN and off <= 0.05 * period:
@@ -260,6 +263,15 @@ class SampledGroup:
             self._take(np.array([*[[math.nan] * len(row)] * (steps - 1), row]), [line])
             return
         start = 0.0 if self._clock is None else self._clock.start
+        if self._timed_specs and abs(since - self._last - period) <= DRIFT * period:
+            place = time_text(start + since, period)
+            raise RowFault(
+                at,
+                f"expected samples {period:.6g} s apart, as the first two are, but the later rows "
+                f"drift from it: {place} is sample {self.samples}. Give --period {period:.6g}s to "
+                "count rows, --period TIME for another step, or --dense to read the times.",
+                skippable=False,
+            )
         text = f"{time_text(start + since, period)} after {time_text(start + self._last, period)}"
         aside = "" if self._timed_specs else ", or --period to leave the times aside"
         raise RowFault(
@@ -268,25 +280,31 @@ class SampledGroup:
             f"--dense to take rows as events at any time{aside}",
         )
 
-    def _check_back(self, before: RawTimes, raw: RawTimes, at: int) -> None:
-        both = plain_times(np.concatenate([before, raw]))
-        if both[1] < both[0] and not bool(same_as_before(both)[0]):
-            raise RowFault(
-                at,
-                f"expected times that increase, got {raw[0]} after {before[0]}",
-                skippable=False,
-            )
+    def _same_row(
+        self, before: RawTimes, last: RowValues, row: RowValues, raw: RawTimes, at: int
+    ) -> bool:
+        """Return whether a row has the time of the row before it, and the same values."""
+        try:
+            if not self._check_back(before, raw):
+                return False
+            for name, old, new in zip(self._rules.variables, last, row, strict=True):
+                if old != new and not (math.isnan(old) and math.isnan(new)):
+                    raise self._two_values(name, old, new)
+        except RowFault as fault:
+            fault.row = at
+            raise
+        return True
 
-    def _check_same(self, before: RowValues, row: RowValues, at: int) -> None:
-        """Accept a row with the time of the row before it if both have the same values."""
-        for name, old, new in zip(self._rules.variables, before, row, strict=True):
-            if old != new and not (math.isnan(old) and math.isnan(new)):
-                raise RowFault(
-                    at,
-                    f"expected one value of '{name}' at one time, got {number(old)} and "
-                    f"{number(new)}{self._rules.objects_hint(self.group)}",
-                    skippable=False,
-                )
+    def _fault_of_left_out(self, values: Floats) -> RowFault | None:
+        """Return the fault of the first counted row after a row that is left out, or None."""
+        if self._columns.one_trace or not any(map(counts_rows, self._rules.specs.values())):
+            return None
+        for row, gap in enumerate(map(any, np.isnan(values).tolist())):
+            if not gap and self._left_out:
+                return RowFault(row, DROPPED_ROW, skippable=False)
+            self._left_out = gap and self._begins
+            self._begins |= not gap
+        return None
 
     def _fault_of_dropped(self, values: Floats, raw: RawTimes) -> RowFault | None:
         """Return the fault of a row that is left out next to another row at its time, or None.
@@ -338,12 +356,10 @@ class SampledGroup:
 
     def _note_default(self, row: int, name: str) -> None:
         """Note that a variable has its default at the first row, or refuse the default."""
-        why = "its first cell is empty"
         try:
-            note = take_default(self._rules.source, name, self._columns, why)
+            note = self._default_note(name, "its first cell is empty")
         except InputError as error:
-            text = str(error).removeprefix(f"{self._rules.source}: ")
-            raise RowFault(row, text, skippable=False) from None
+            raise RowFault(row, str(error), skippable=False) from None
         self._rules.notes.add_default(note)
 
     def _start(self) -> None:
@@ -415,12 +431,7 @@ class SampledGroup:
                 rules.emit(self._instant_line(state, settled[0], settled[1]))
             elif settled is None and not sample:
                 rules.emit(self._line(state, sample))
-        if rules.show is not None:
-            rules.show(self, row)
-        if rules.stop == "violation":
-            self.stopped = any(state.violates for state in self._states)
-        elif rules.stop == "decided":
-            self.stopped = not rules.undecided
+        self._end_row(row, self._states)
         return self.stopped
 
     def _time(self, sample: int) -> float | None:
@@ -454,7 +465,7 @@ class SampledGroup:
         )
 
     def _instant_line(self, state: SampledState, at: int, robustness: float) -> Line:
-        verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+        verdict = instant_verdict(robustness)
         time = self._time(at)
         return Line(
             *(state.name, self.group, time, at, verdict, robustness, robustness, robustness),
@@ -462,16 +473,7 @@ class SampledGroup:
         )
 
     def finish(self, end: End, *, early: bool = False) -> list[Line]:
-        """End the trace; return the final line of each requirement.
-
-        Args:
-            end: The end mode.
-            early: Whether more rows could have come.
-
-        Raises:
-            InputError: If one row leaves the period of time bounds open, or two rows are farther
-                apart than rows that were left out.
-        """
+        """End the trace; return the final line of each requirement."""
         if self._first is not None:
             row = self._first[0]
             timed = [name for name, spec in self._rules.specs.items() if spec.timed]
@@ -505,7 +507,7 @@ class SampledGroup:
             state.finish(end)
             line = self._line(state, self.samples - 1)
             counts = state.counts(self.samples, end)
-            missing = {v: n for v in state.monitor.variables if (n := self._missing[v])}
+            missing = self._missing_of(state.monitor.variables)
             lines.append(line._replace(end=end, final=True, instants=counts, missing=missing))
         return lines
 
@@ -536,10 +538,23 @@ class SampledGroup:
         if self._clock is not None and self._period is not None and not self._stated:
             length = float((self.samples - 1) * self._period)
             self._rules.notes.add_unit(self._clock.unit_note(self._two, length))
+            if self._drifts:
+                note = (
+                    f"rows drift from the period of the first two, {number(float(self._period))} s:"
+                    f" {number(self._last)} s in all, not {number(length)} s"
+                )
+                self._rules.notes.add_period(note, self.group)
         aside = self._steps.times()
         if aside is not None and self._clock_rules is not None and self._period is not None:
             note = aside.note(self._clock_rules.column, self._period, self.samples)
             self._rules.notes.add_period(note, self.group)
+
+    @property
+    def _drifts(self) -> bool:
+        """Whether the last row is far from its place on the grid of the first two."""
+        if self._period is None or self._stated or self._clock is None:
+            return False
+        return abs(self._last - (self.samples - 1) * self._period) > self._period / 2
 
     def _open_line(self, name: str) -> Line:
         """Return the final line of a trace of one row, which does not have a period."""
@@ -571,6 +586,9 @@ class SampledGroup:
         if self._period is None:
             return Extent(self.samples)
         start, end = self._time(0), self._time(self.samples - 1)
+        if self._drifts:  # without a period, the length is that of the times
+            end = self._start_time + self._last
+            return Extent(self.samples, None, None, start, end, float(self._period))
         return Extent(self.samples, None, self._period, start, end, float(self._period))
 
     @property

@@ -1,16 +1,17 @@
-"""A view of a stream in the terminal: verdicts, robustness with bounds, and its course."""
+"""A view in the terminal of a stream, or of a simulation while it runs."""
 
 from __future__ import annotations
 
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
-from time import monotonic
+from time import monotonic, sleep
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self, Unpack
 
 from rich.cells import cell_len, set_cell_size
 from rich.console import Console, Group
@@ -20,8 +21,20 @@ from rich.text import Text
 
 from rtamt import InputError, Verdict
 from rtamt.errors import shown
+from rtamt_gym.results.outcome import Moment
 from rtamt_gym.tables import counted, short
 from rtamt_gym.watching.lines import Line
+
+if TYPE_CHECKING:
+    from rtamt_gym.judging.monitor_set import MonitorSetResult
+    from rtamt_gym.judging.specs import SpecsLike
+    from rtamt_gym.live.view import RerunView
+    from rtamt_gym.options.evaluation import EvaluationKeywords
+    from rtamt_gym.play.history import Stop
+    from rtamt_gym.play.run import Run
+    from rtamt_gym.play.simulation import Simulation
+    from rtamt_gym.signals.signals import SignalLike
+    from rtamt_gym.systems.system import Policy
 
 _POINTS: Final = 240
 """The most points of a course; beyond, neighbours become one."""
@@ -86,12 +99,7 @@ class Course:
             self._stride *= 2
 
     def bars(self, width: int, *, plain: bool = False) -> str:
-        """Return the course as text.
-
-        Args:
-            width: The number of characters at most.
-            plain: Whether to use ASCII alone.
-        """
+        """Return the course as text."""
         values, bars = self.values, _PLAIN_BARS if plain else _BARS
         if len(values) > width:
             bounds = [i * len(values) // width for i in range(width + 1)]
@@ -124,12 +132,6 @@ def _bar(value: float, top: float, depth: float, bars: str) -> str:
 
 class Screen:
     """The view; it is drawn on standard error, so that lines may go elsewhere.
-
-    Args:
-        title: The name of the stream.
-        console: The terminal; None: standard error.
-        clock: Returns seconds, for the age of the last row.
-        unit: The word for a row.
 
     Attributes:
         notes: Further lines below the requirements.
@@ -183,13 +185,7 @@ class Screen:
             self._courses.setdefault(key, Course())
 
     def update(self, lines: Iterable[Line], rows: int, bad: int = 0) -> None:
-        """Take in the newest verdicts, and draw if the last picture is old.
-
-        Args:
-            lines: The newest line of each requirement in each group.
-            rows: The number of rows so far.
-            bad: The number of bad lines so far.
-        """
+        """Take in the newest verdicts, and draw if the last picture is old."""
         now = self._clock()
         due = now - self._drawn >= _REFRESH
         if rows != self._rows:
@@ -359,16 +355,91 @@ def _coloured(bars: str) -> Text:
 
 
 def open_screen(title: str, unit: str = "row", source: str = "--screen") -> Screen:
-    """Return a view on standard error.
-
-    Args:
-        title: The name of the stream.
-        unit: The word for a row.
-        source: What asked for the view, for the error.
-
-    Raises:
-        InputError: If standard error is not a terminal.
-    """
+    """Return a view on standard error."""
     if not sys.stderr.isatty():
         raise InputError(f"{source} draws on a terminal, but standard error is not one")
     return Screen(title, unit=unit)
+
+
+_STEP: Final = 0.05
+"""The longest pause in seconds, after which the picture may be drawn again."""
+
+
+class RunScreen:
+    """Runs episodes on a screen."""
+
+    def __init__(
+        self,
+        screen: Screen,
+        speed: float | None = None,
+        clock: Callable[[], float] = monotonic,
+        pause: Callable[[float], None] = sleep,
+    ) -> None:
+        self._screen, self._speed, self._clock, self._pause = screen, speed, clock, pause
+
+    def simulate(
+        self,
+        title: str,
+        system: Any,  # noqa: ANN401 - of any kind that `simulate` takes
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        policy: Policy | None = None,
+        seed: int | None = None,
+        stop: Stop = "violation",
+        live: RerunView | None = None,
+        **reading: Unpack[EvaluationKeywords],
+    ) -> Run:
+        """Run a simulation as `rtamt_gym.simulate` does, and show each of its samples."""
+        from rtamt_gym.options.evaluation import checked_options
+        from rtamt_gym.play.simulate import Simulator, simulate
+        from rtamt_gym.systems.system import no_exit
+
+        options = checked_options(reading, simulate, "runs")
+        self._screen.restart(title)
+        with no_exit("the system"):
+            simulator = Simulator(system, specs, signals, options, policy=policy)
+            simulation = simulator.begin(seed=seed, stop=stop, live=live)
+            begin = self._clock()
+            while not simulation.step():
+                self._show(simulation)
+                self._wait(simulation, begin)
+        run = simulation.run
+        assert run is not None  # noqa: S101 - for mypy
+        self._screen.update(_finals(run), run.last_sample + 1)
+        self._screen.end(f"ended: {run.ended}")
+        return run
+
+    def _show(self, simulation: Simulation) -> None:
+        moment = simulation.moment
+        assert moment.sample is not None  # noqa: S101 - for mypy
+        period = simulation.period
+        lines = (_line(result, moment, period) for result in simulation.results())
+        self._screen.update(lines, moment.sample + 1)
+
+    def _wait(self, simulation: Simulation, begin: float) -> None:
+        """Wait until the next sample is due."""
+        if self._speed is None:
+            return
+        moment, period = simulation.moment, simulation.period
+        if period is None or moment.seconds is None:
+            raise InputError("--speed needs the time between samples. Give --period.")
+        due = begin + (moment.seconds + float(period)) / self._speed
+        while (left := due - self._clock()) > 1e-9:
+            self._pause(min(left, _STEP))
+            self._screen.update((), (moment.sample or 0) + 1)
+
+
+def _line(result: MonitorSetResult, moment: Moment, period: Fraction | None) -> Line:
+    name, bounds, verdict, decided, _ = result
+    at = None if decided is None else Moment.of(decided, period).time
+    return Line(name, None, moment.seconds, moment.sample, verdict, *bounds, decided_at=at)
+
+
+def _finals(run: Run) -> Iterator[Line]:
+    last = Moment.of(run.last_sample, run.period)
+    for name, history in run.histories.items():
+        verdict: Verdict = history.verdict
+        bounds = history.final, float(history.lower[-1]), float(history.upper[-1])
+        result = name, bounds, verdict, history.decided_at, history.ended_at
+        yield _line(result, last, run.period)._replace(final=True)

@@ -1,4 +1,4 @@
-"""Where a stream comes from: standard input, a file that may grow, or a socket on loopback."""
+"""Where a stream comes from: standard input, a file, a socket on loopback, or a replay."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import select
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,11 +47,7 @@ class StreamSource:
         return "stdin" if self.name == "-" else shown(self.name)
 
     def blocks(self) -> Iterator[bytes]:
-        """Yield what has come, in blocks as large as what is there; empty ones as a beat.
-
-        Raises:
-            InputError: If the source cannot be read so, or a file has become shorter.
-        """
+        """Yield what has come, in blocks as large as what is there; empty ones as a beat."""
         kind, _, address = self.name.partition(":")
         if self.name == "-":
             yield from self._of_stdin()
@@ -177,3 +173,41 @@ def _listener(kind: str, address: str) -> socket.socket:
         listener.close()
         raise InputError(f"cannot listen at {kind}:{shown(address)}: {error.strerror}") from None
     return listener
+
+
+_STEP = 0.05
+"""The longest pause in seconds, after which an empty block is yielded."""
+
+
+def paced(
+    blocks: Iterable[bytes],
+    seconds: Callable[[], float | None],
+    speed: float,
+    clock: Callable[[], float] = monotonic,
+    pause: Callable[[float], None] = sleep,
+) -> Iterator[bytes]:
+    r"""Yield the lines of a recording one by one, each when it is due, and empty blocks between.
+
+    Example:
+        >>> now, times = [0.0], iter([None, 5.0, 5.2])
+        >>> def wait(step):
+        ...     now[0] += step
+        >>> blocks = paced([b"a\nb\n", b"c\n"], lambda: next(times), 2, lambda: now[0], wait)
+        >>> [block for block in blocks if block], round(now[0], 6)
+        ([b'a\n', b'b\n', b'c\n'], 0.1)
+    """
+    begin = first = None
+    for block in blocks:
+        for line in block.splitlines(keepends=True):
+            yield line
+            if not line.endswith(b"\n"):
+                continue
+            at = seconds()
+            if at is None:
+                continue
+            if begin is None or first is None:
+                begin, first = clock(), at
+            due = begin + (at - first) / speed
+            while (left := due - clock()) > 1e-9:
+                pause(min(left, _STEP))
+                yield b""

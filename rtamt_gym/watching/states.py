@@ -10,18 +10,24 @@ from fractions import Fraction
 from operator import itemgetter
 from typing import Any, Final, Literal
 
+import numpy as np
+
 import rtamt
-from rtamt import Verdict
+from rtamt import InputError, Verdict
 from rtamt.typing import End
 from rtamt_gym.judging.monitors import EXACT
 from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import viewed
-from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.names import take_default
+from rtamt_gym.recorded.recording import Floats, RawTimes
+from rtamt_gym.recorded.times import same_as_before
 from rtamt_gym.tables import number
-from rtamt_gym.watching.evidence import StreamEvidence
+from rtamt_gym.watching.clock import ClockRules, StreamClock, plain_times
+from rtamt_gym.watching.groups import GroupPeriods
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.notes import StreamNotes
-from rtamt_gym.watching.period_note import GroupPeriods
+from rtamt_gym.watching.notes import StreamEvidence, StreamNotes
+from rtamt_gym.watching.rows import RowFault
 
 StreamStop = Literal["end", "violation", "decided"]
 """When a stream stops: at its end, at the first violation, or once everything is decided."""
@@ -71,10 +77,6 @@ class StreamRules:
         """Whether lines are about instants."""
         return self.reading.view == "step"
 
-    def objects_hint(self, group: str | None) -> str:
-        """Return the advice for two values at one time; empty in a group."""
-        return "" if group is not None else "; give --by COLUMN if rows are of several objects"
-
     def keywords(self, name: str, period: Fraction | None) -> Mapping[str, Any]:
         """Return the keywords of a monitor of a requirement."""
         if period not in self.options:
@@ -100,6 +102,94 @@ class StreamRules:
             f"{name} = {'unknown' if math.isnan(values[name]) else number(values[name])}"
             for name in variables
         )
+
+
+def instant_verdict(robustness: float) -> Verdict:
+    """Return the verdict on an instant, by the sign of its robustness."""
+    return Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+
+
+class VerdictState:
+    """The verdict of a requirement on a trace so far, and why it is decided."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.verdict, self.reason = Verdict.UNDECIDED, ""
+        self.last_instant: Verdict | None = None
+        self._by_instant = False
+        """Whether the verdicts of instants are known before the end."""
+
+    @property
+    def violates(self) -> bool:
+        """Whether a violation is known that ``--stop violation`` waits for."""
+        verdict = self.last_instant if self._by_instant else self.verdict
+        return verdict is Verdict.VIOLATED
+
+
+class GroupTrace:
+    """The trace of one group.
+
+    Attributes:
+        group: The name of the group; None without groups.
+        samples: The number of samples or events so far.
+        stopped: Whether ``--stop`` has ended the stream.
+        stop_line: The line of the row at which it did.
+    """
+
+    def __init__(
+        self, rules: StreamRules, columns: Columns, clock: ClockRules | None, group: str | None
+    ) -> None:
+        self._rules, self._columns, self._clock_rules, self.group = rules, columns, clock, group
+        self._clock: StreamClock | None = None
+        self._gap = False
+        """Whether a line was left out after the last row."""
+        self._missing = Counter[str]()
+        """The number of empty cells of each variable."""
+        self.samples = self.stop_line = 0
+        self.stopped = False
+        rules.undecided += len(rules.specs)
+        rules.evidence.begin()
+
+    def _check_back(self, before: RawTimes, raw: RawTimes) -> bool:
+        """Return whether a row has the time of the row before it; raise RowFault if it is less."""
+        both = plain_times(np.concatenate([before, raw]))
+        same = bool(same_as_before(both)[0])
+        if both[1] < both[0] and not same:
+            raise RowFault(
+                0, f"expected times that increase, got {raw[0]} after {before[0]}", skippable=False
+            )
+        return same
+
+    def _two_values(self, name: str, old: float, new: float) -> RowFault:
+        """Return the fault of two values of a variable at one time."""
+        hint = "" if self.group is not None else "; give --by COLUMN if rows are of several objects"
+        return RowFault(
+            0,
+            f"expected one value of '{name}' at one time, got {number(old)} and "
+            f"{number(new)}{hint}",
+            skippable=False,
+        )
+
+    def _default_note(self, name: str, why: str) -> str:
+        """Return the note on a default; raise InputError without a place if it is refused."""
+        try:
+            return take_default(self._rules.source, name, self._columns, why)
+        except InputError as error:
+            raise InputError(str(error).removeprefix(f"{self._rules.source}: ")) from None
+
+    def _end_row(self, row: RowValues, states: Sequence[VerdictState]) -> None:
+        """Show a row whose lines are emitted, and note whether the stream stops."""
+        rules = self._rules
+        if rules.show is not None:
+            rules.show(self, row)
+        if rules.stop == "violation":
+            self.stopped = any(state.violates for state in states)
+        elif rules.stop == "decided":
+            self.stopped = not rules.undecided
+
+    def _missing_of(self, variables: Sequence[str]) -> dict[str, int]:
+        """Return the number of empty cells of the variables that have some."""
+        return {name: count for name in variables if (count := self._missing[name])}
 
 
 def _all_values(row: RowValues) -> RowValues:
@@ -136,11 +226,7 @@ class InstantTail:
         self._rows.append(row)
 
     def counts(self, end: End) -> Counter[Verdict]:
-        """Return the numbers of decided instants among the kept samples.
-
-        Args:
-            end: The end mode.
-        """
+        """Return the numbers of decided instants among the kept samples."""
         counts, n = Counter[Verdict](), len(self._rows)
         if not n or self._keywords["semantics"] not in EXACT:
             return counts
@@ -162,33 +248,26 @@ _NEVER: Final = rtamt.parse("1 < 0").formula
 """A false formula; an implication of the word `false` is not counted."""
 
 
-class SampledState:
-    """A requirement on the samples of one trace.
-
-    Args:
-        rules: How traces are judged.
-        name: The requirement.
-        period: Seconds between samples; None if bounds count samples.
-    """
+class SampledState(VerdictState):
+    """A requirement on the samples of one trace."""
 
     def __init__(self, rules: StreamRules, name: str, period: Fraction | None) -> None:
         spec, keywords = rules.specs[name], rules.keywords(name, period)
-        self.name, self._rules = name, rules
+        super().__init__(name)
+        self._rules = rules
         self.monitor = rtamt.EpisodeMonitor(viewed(spec, rules.reading.view), **keywords)
         self.update = self.monitor.update
         self.pick = rules.picker(self.monitor.variables)
         self._places = [rules.variables.index(variable) for variable in self.monitor.variables]
-        self.verdict = Verdict.UNDECIDED
         self.decided_at: int | None = None
-        self.reason = ""
         self._instants: rtamt.Monitor | None = None
         self.instants = Counter[Verdict]()
-        self._last_instant: Verdict | None = None
         self._tail: InstantTail | None = None
         if rules.by_step:
             pending = None
             if spec.horizon < math.inf:
                 self._instants = rtamt.Monitor(spec, **keywords)
+                self._by_instant = True
                 self._pick_instant = rules.picker(self._instants.variables)
                 pending = self._latency = self._instants.latency
             self._tail = InstantTail(spec, pending, keywords)
@@ -222,18 +301,11 @@ class SampledState:
         at = sample - self._latency
         if at < 0:
             return None
-        verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+        verdict = instant_verdict(robustness)
         self.instants[verdict] += 1
-        changes = verdict is not self._last_instant
-        self._last_instant = verdict
+        changes = verdict is not self.last_instant
+        self.last_instant = verdict
         return at, robustness, changes
-
-    @property
-    def violates(self) -> bool:
-        """Whether a violation is known that ``--stop violation`` waits for."""
-        if self._instants is not None:
-            return self._last_instant is Verdict.VIOLATED
-        return self.verdict is Verdict.VIOLATED
 
     def finish(self, end: End) -> None:
         """End the trace."""
@@ -243,12 +315,7 @@ class SampledState:
             self.reason = f"the end of the trace ({end})"
 
     def counts(self, samples: int, end: End) -> Mapping[str, int] | None:
-        """Return the numbers of instants by verdict; None unless lines are about instants.
-
-        Args:
-            samples: The number of samples.
-            end: The end mode, which may decide instants with windows past the end.
-        """
+        """Return the numbers of instants by verdict; None unless lines are about instants."""
         if self._tail is None:
             return None
         pending = self._tail.counts(end)

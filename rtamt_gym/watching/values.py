@@ -43,10 +43,10 @@ from rtamt_gym.recorded.recording import Floats, RawTimes, Recording
 from rtamt_gym.recorded.roles import has_time_bounds, names_totals
 from rtamt_gym.recorded.text_numbers import COMMA_NOTE, ColumnMarks, grouped_note, stated_mark_note
 from rtamt_gym.recorded.times import join_times
-from rtamt_gym.watching.group_names import GroupNames
-from rtamt_gym.watching.one_trace import Guard, guards_of, totals_fault
+from rtamt_gym.watching.clock import StreamDates
+from rtamt_gym.watching.groups import GroupNames
+from rtamt_gym.watching.one_trace import Guard, GuardedColumn, totals_fault
 from rtamt_gym.watching.rows import ColumnCells, RowBlock, RowFault, cell_text
-from rtamt_gym.watching.stream_dates import StreamDates
 
 
 class Numbered(NamedTuple):
@@ -61,16 +61,6 @@ class Numbered(NamedTuple):
     values: Floats
     times: RawTimes | None
     groups: Sequence[str] | None
-
-
-class _Guarded(NamedTuple):
-    """A column that may show several traces, as `guards_of` takes it."""
-
-    texts: bool
-    timed: bool
-    first: bool
-    uneven: bool
-    totals: bool = False
 
 
 class _Head(Recording):
@@ -124,7 +114,7 @@ class StreamColumns:
         self._groups = GroupNames(by)
         self._marks: dict[str, ColumnMarks] = {}
         self._read: set[str] = set()
-        self._guarded: dict[str, _Guarded] = {}
+        self._guarded: dict[str, GuardedColumn] = {}
         self._unread: Sequence[str] = ()
         self._guards: dict[str | None, list[Guard]] = {}
         self._near: dict[tuple[str, str], bool] = {}
@@ -135,13 +125,7 @@ class StreamColumns:
         """The columns of variables, times and groups."""
 
     def choose(self, names: Sequence[str], block: RowBlock, *, totals: bool = False) -> list[str]:
-        """Find the columns to read, by the names and the first row; return their names.
-
-        Args:
-            names: The names of all columns.
-            block: The first rows.
-            totals: Whether the last row may be a row of totals, as in tables of text.
-        """
+        """Find the columns to read, by the names and the first row; return their names."""
         columns, variables = self._columns, self.variables
         head = _Head(self._source, names, block)
         read = self._read = {columns.column(name) for name in variables}
@@ -194,8 +178,9 @@ class StreamColumns:
             first = name == head.names[0]
             may_tell = may_tell_objects(name, self._read, timed=self._timed, first=first)
             if may_tell or name in texts or (self._uneven and name not in head.dates):
-                self._guarded[name] = _Guarded(
-                    name in head.texts, self._timed, first, self._uneven, name in texts
+                self._guarded[name] = GuardedColumn(
+                    *(name, self._read, name in head.texts, self._timed, first, self._uneven),
+                    totals=name in texts,
                 )
 
     def _check_clocks(self, names: Sequence[str]) -> None:
@@ -246,11 +231,11 @@ class StreamColumns:
             self._uneven or may_tell_objects(name, self._read, timed=self._timed)
         )
         if guarded:
-            row = self._guarded[name] = _Guarded(
-                texts, timed=True, first=False, uneven=self._uneven
+            column_guards = self._guarded[name] = GuardedColumn(
+                *(name, self._read, texts), timed=True, first=False, uneven=self._uneven
             )
             for guards in self._guards.values():
-                guards.extend(guards_of(name, self._read, **row._asdict()))
+                guards.extend(column_guards.guards())
         return "", bool(near) or guarded
 
     def mark_notes(self) -> list[str]:
@@ -270,11 +255,7 @@ class StreamColumns:
                 del self._marks[name]
 
     def numbers(self, block: RowBlock) -> Numbered:
-        """Return the numbers of a block.
-
-        Raises:
-            RowFault: At the first row that cannot be read.
-        """
+        """Return the numbers of a block."""
         mark = self._mark
         try:
             return self._numbers(block)
@@ -285,26 +266,13 @@ class StreamColumns:
     def check_one_trace(
         self, group: str | None, block: RowBlock, times: RawTimes | None, begin: int, end: int
     ) -> None:
-        """Check that rows of a group belong to one object or episode; rows must come once each.
-
-        Args:
-            group: The group; None without groups.
-            block: A block with the rows.
-            times: The raw times of the block; None without a column of times.
-            begin: The first row.
-            end: The row after the last.
-
-        Raises:
-            RowFault: At the first row that shows another object.
-        """
+        """Check that rows of a group belong to one object or episode; rows must come once each."""
         if not self._guarded:
             return
         guards = self._guards.get(group)
         if guards is None:
             guards = self._guards[group] = [
-                guard
-                for name, columns in self._guarded.items()
-                for guard in guards_of(name, self._read, **columns._asdict())
+                guard for column in self._guarded.values() for guard in column.guards()
             ]
         faults = []
         for guard in guards:
@@ -328,11 +296,7 @@ class StreamColumns:
         return self._groups.at(block, row)
 
     def totals_in(self, cells: Mapping[str, str]) -> str:
-        """Return the fault of a last row of totals in a column of numbers; empty without one.
-
-        Args:
-            cells: The cells of the last row.
-        """
+        """Return the fault of a last row of totals in a column of numbers; empty without one."""
         for name in self._unread:
             text = cells.get(name, "").strip()
             guard = self._guarded.get(name)
@@ -351,13 +315,7 @@ class StreamColumns:
         )
 
     def end_trace(self, group: str | None, *, early: bool = False, beyond: int = 0) -> str:
-        """Return the fault that the rows of a trace show; empty if they were one trace.
-
-        Args:
-            group: The group; None without groups.
-            early: Whether ``--stop`` has ended the stream.
-            beyond: The number of rows after the stop, which do not count.
-        """
+        """Return the fault that the rows of a trace show; empty if they were one trace."""
         guards = self._guards.pop(group, ())
         faults = (guard.finish(early=early, beyond=beyond) for guard in guards)
         return next(filter(None, faults), "")

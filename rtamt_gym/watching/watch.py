@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import gc
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Final, Literal
 
+import rtamt
 from rtamt import InputError
 from rtamt.errors import shown
 from rtamt.typing import End
+from rtamt_gym.options.evaluation import EvaluationOptions
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import unit_below
 from rtamt_gym.recorded.names import starts_of
 from rtamt_gym.recorded.recording import RawTimes
@@ -21,16 +24,81 @@ from rtamt_gym.results.warnings import VerdictWarning, exit_code
 from rtamt_gym.tables import counted
 from rtamt_gym.watching.clock import ClockRules, StreamClock
 from rtamt_gym.watching.events import EventGroup
-from rtamt_gym.watching.idle_groups import IdleGroups
-from rtamt_gym.watching.json_rows import JsonRows
+from rtamt_gym.watching.groups import IdleGroups, LostStarts
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.lost_starts import LostStarts
-from rtamt_gym.watching.rows import BadLine, Lines, RowBlock, RowFault
+from rtamt_gym.watching.rows import (
+    BadLine,
+    JsonRows,
+    Lines,
+    RowBlock,
+    RowFault,
+    RowReader,
+    TextRows,
+)
 from rtamt_gym.watching.sampled import SampledGroup
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.states import StreamRules
-from rtamt_gym.watching.text_rows import TextRows
+from rtamt_gym.watching.states import StreamRules, StreamStop
 from rtamt_gym.watching.values import Numbered, StreamColumns, without_place
+
+RowFormat = Literal["csv", "ndjson"]
+"""How lines hold rows."""
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """How a stream is read and judged.
+
+    Attributes:
+        specs: The requirements by name.
+        reading: The options of evaluation.
+        columns: How columns are read.
+        format: How lines hold rows; None to recognise it by the first byte.
+        by: The columns that name groups; without one, all rows are one trace.
+        max_groups: The maximum number of groups at one time.
+        group_idle: Seconds of trace time after which a group has ended; None: never.
+        every: Whether every sample has lines.
+        stop: When the stream stops.
+        skip_bad: Whether bad lines are left out.
+        min_duration: Minimum length of each trace in seconds; None for any length.
+        live: Whether the input may end in the middle of a line, as a socket or a growing file.
+    """
+
+    specs: Mapping[str, rtamt.Specification]
+    reading: EvaluationOptions
+    columns: Columns
+    format: RowFormat | None = None
+    by: Sequence[str] = ()
+    max_groups: int = 100_000
+    group_idle: Fraction | None = None
+    every: bool = False
+    stop: StreamStop = "end"
+    skip_bad: bool = False
+    min_duration: Fraction | None = None
+    live: bool = False
+
+    def __post_init__(self) -> None:
+        stated = self.reading.period is not None
+        if stated and self.reading.dense:
+            raise InputError("expected --period or --dense, which reads events at any time")
+        if self.min_duration is not None and self.stop != "end":
+            raise InputError(
+                f"expected --min-duration without --stop {self.stop}, which ends a trace early"
+            )
+        if not self.by and self.group_idle is not None:
+            raise InputError("--group-idle ends groups, which --by COLUMN makes")
+        if self.by and self.skip_bad and stated:
+            raise InputError(
+                "expected --skip-bad without --by and --period: the group of a bad line is not "
+                "known. Leave out --period, so that the times show the gap."
+            )
+        unknown = self.skip_bad or self.columns.missing == "unknown"
+        bounded = [name for name, spec in self.specs.items() if spec.horizon < math.inf]
+        if unknown and self.reading.view == "step" and bounded:
+            option = "--skip-bad" if self.skip_bad else "--missing unknown"
+            raise InputError(
+                f"{option}: --view step needs the robustness at each instant, which a sample that "
+                "is not known does not have"
+            )
+
 
 _WORDS: Final[Mapping[str, Word]] = {
     "VIOLATED": "violated",
@@ -41,26 +109,8 @@ _WORDS: Final[Mapping[str, Word]] = {
 Group = SampledGroup | EventGroup
 
 
-@contextmanager
-def few_collections() -> Iterator[None]:
-    """Collect garbage rarely: rows are many objects without cycles."""
-    before = gc.get_threshold()
-    gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
-        gc.unfreeze()
-
-
 class StreamWatch:
     r"""A judge of a stream that arrives in blocks of bytes of any size.
-
-    Args:
-        options: How the stream is read and judged.
-        source: The name of the stream, for messages.
-        emit: Receives each line.
 
     Attributes:
         stopped: Whether ``--stop`` has ended the stream.
@@ -101,7 +151,7 @@ class StreamWatch:
             source=source,
         )
         self._lines, self._line = Lines(source), 1
-        self._reader: TextRows | JsonRows | None = None
+        self._reader: RowReader | None = None
         self._chosen = False
         self._clock: ClockRules | None = None
         self.traces: dict[str | None, Group] = {}
@@ -125,11 +175,7 @@ class StreamWatch:
         return self._cells.notes
 
     def add(self, block: bytes) -> None:
-        """Judge the lines that a block completes.
-
-        Raises:
-            InputError: At a bad line, unless bad lines are left out.
-        """
+        """Judge the lines that a block completes."""
         self._take(self._lines.add(block))
 
     def _take(self, lines: list[bytes]) -> None:
@@ -148,7 +194,7 @@ class StreamWatch:
             if self.stopped:
                 return
 
-    def _reader_for(self, lines: Sequence[bytes]) -> TextRows | JsonRows | None:
+    def _reader_for(self, lines: Sequence[bytes]) -> RowReader | None:
         """Return the reader for the first line; None without a line."""
         if not lines:
             return None
@@ -208,48 +254,29 @@ class StreamWatch:
     def _choose(self, block: RowBlock) -> None:
         reader = self._reader
         assert reader is not None, "it made the block"  # noqa: S101 - for mypy
-        totals = isinstance(reader, TextRows)
-        chosen = self._cells.choose(reader.names, block, totals=totals)
-        if isinstance(reader, JsonRows):
-            reader.choose(chosen, self._cells.needed, self._cells.take_field)
-        else:
-            reader.choose(chosen)
+        chosen = self._cells.choose(reader.names, block, totals=reader.totals)
+        reader.choose(chosen, self._cells.needed, self._cells.take_field)
         time = self._cells.time
         if time is not None:
+            where = f"{self._source}, line {reader.units_line}"
             unit = self._cells.unit_of_parts()
-            if isinstance(reader, TextRows):
-                where = f"{self._source}, line {reader.units_line}"
-                unit = unit or unit_below(where, time.name, reader.units, self._columns)
+            unit = unit or unit_below(where, time.name, reader.units, self._columns)
             self._clock = ClockRules(self._source, time.name, self._columns, unit)
         elif self._options.group_idle is not None:
             raise InputError(f"{self._source}: --group-idle needs a column of times, got none")
-        if isinstance(reader, TextRows):
-            self.notes[:0] = reader.notes
+        self.notes[:0] = reader.notes
         self._chosen = True
 
     def _judge(self, numbered: Numbered, block: RowBlock) -> RowFault | None:
         """Judge rows; return the first fault, or None."""
-        if numbered.groups is not None:
-            try:
-                self._by_group(numbered, block)
-            except RowFault as error:
-                return error
-            return None
-        rows = len(numbered.values)
-        count, fault = self._one_trace(None, block, numbered.times, 0, rows)
-        if not count:
-            return fault
-        times = None if numbered.times is None else numbered.times[:count]
-        trace = self._trace(None)
-        before = trace.samples
         try:
-            trace.feed(numbered.values[:count], times, block.lines[:count])
-        except RowFault as error:
-            fault = error
-        self.rows += fault.row if fault else count
-        self.rows = max(self.rows, 1) if trace.samples > before else self.rows
-        self._note_stop(trace, block.lines[:rows])
-        return fault
+            if numbered.groups is None:
+                self._one_group(None, numbered, block, 0, len(numbered.values))
+            else:
+                self._by_group(numbered, numbered.groups, block)
+        except RowFault as fault:
+            return fault
+        return None
 
     def _note_stop(self, trace: Group, lines: Sequence[int]) -> None:
         """Note whether a trace has stopped the stream, and the number of rows after the stop."""
@@ -275,10 +302,8 @@ class StreamWatch:
         self._guarded = max(self._guarded, lines[end - 1])
         return end, None
 
-    def _by_group(self, numbered: Numbered, block: RowBlock) -> None:
+    def _by_group(self, numbered: Numbered, groups: Sequence[str], block: RowBlock) -> None:
         """Judge the rows of groups, in order."""
-        groups = numbered.groups
-        assert groups is not None, "there are groups"  # noqa: S101 - for mypy
         at, count = 0, len(groups)
         seconds = self._seconds(numbered, block.lines)
         while at < count and not self.stopped:
@@ -299,23 +324,25 @@ class StreamWatch:
             at = end
 
     def _one_group(
-        self, group: str, numbered: Numbered, block: RowBlock, begin: int, end: int
+        self, group: str | None, numbered: Numbered, block: RowBlock, begin: int, end: int
     ) -> None:
-        """Judge successive rows of one group."""
+        """Judge successive rows of one trace."""
         lines = block.lines[begin:end]
-        end, other = self._one_trace(group, block, numbered.times, begin, end)
+        end, fault = self._one_trace(group, block, numbered.times, begin, end)
         if end > begin:
             times = None if numbered.times is None else numbered.times[begin:end]
-            trace = self._group(group, begin)
+            trace = self._trace(None) if group is None else self._group(group, begin)
+            before = trace.samples
             try:
                 trace.feed(numbered.values[begin:end], times, block.lines[begin:end])
-            except RowFault as fault:
+            except RowFault as error:
+                fault = error
                 fault.row += begin
-                raise
-            self.rows += end - begin
+            self.rows += (fault.row if fault else end) - begin
+            self.rows = max(self.rows, 1) if trace.samples > before else self.rows
             self._note_stop(trace, lines)
-        if other is not None and not self.stopped:
-            raise other
+        if fault is not None and not self.stopped:
+            raise fault
 
     def _seconds(self, numbered: Numbered, lines: Sequence[int]) -> list[float] | None:
         """Return the times of rows on one clock, for ``--group-idle``; None without it."""
@@ -399,11 +426,7 @@ class StreamWatch:
             self._warnings.append(VerdictWarning(text, "too short", fails=True))
 
     def end_of_input(self) -> None:
-        """Judge a last line without an end, and check that there were rows.
-
-        Raises:
-            InputError: At a bad line, or without any row.
-        """
+        """Judge a last line without an end, and check that there were rows."""
         remaining = self._lines.finish()
         self._take(remaining)
         if self._options.live and b"".join(remaining).strip():
@@ -429,7 +452,7 @@ class StreamWatch:
 
     def _fault_of_end(self) -> str:
         """Return the fault that the end of the input shows; empty without one."""
-        if isinstance(self._reader, TextRows) and not self.bad and self._chosen:
+        if self._reader is not None and self._reader.totals and not self.bad and self._chosen:
             fault = self._cells.totals_in(self._reader.last_cells())
             last = self._touched
             if last is not None and last.group and last.samples < 2 and len(self.traces) > 1:
@@ -439,11 +462,7 @@ class StreamWatch:
         return self._cells.end_trace(None)
 
     def finish(self, *, early: bool) -> None:
-        """End all traces and emit their final lines.
-
-        Args:
-            early: Whether the input may go on, so that the traces are open.
-        """
+        """End all traces and emit their final lines."""
         end: End = "open" if early else self.rules.reading.end
         for trace in self.traces.values():
             self._finish(trace, end, early=early)

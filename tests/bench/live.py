@@ -21,10 +21,9 @@ import numpy as np
 
 import rtamt
 from rtamt_gym import EvaluationOptions, StepMonitor, StlMonitor, VectorStlMonitor, simulate
+from rtamt_gym.commands.watch import StreamView
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.stream_view import StreamView
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import StreamWatch, WatchOptions
 
 SPECS = {
     "upright": "always(abs(theta) < 0.2)",

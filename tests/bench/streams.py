@@ -19,11 +19,11 @@ from collections.abc import Callable
 import numpy as np
 
 import rtamt
+from rtamt_gym.commands.collection import few_collections
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import StreamWatch, few_collections
+from rtamt_gym.watching.watch import StreamWatch, WatchOptions
 
 SPEC = "always(speed < 100 and gap > -1 implies eventually[0:2](x > -5))"
 BLOCK = 1 << 16

@@ -16,8 +16,8 @@ import pytest
 from rrd_files import read_rrd
 
 from rtamt_gym.__main__ import main
+from rtamt_gym.commands import watch as command
 from rtamt_gym.live import RerunView
-from rtamt_gym.watching import stream_view
 
 Output = pytest.CaptureFixture[str]
 
@@ -116,7 +116,7 @@ def test_log_equals_the_lines(mode: str, capsys: Output, stream: Path, tmp_path:
 def test_first_groups_are_shown(
     capsys: Output, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stream_view, "SHOWN_GROUPS", 2)
+    monkeypatch.setattr(command, "SHOWN_GROUPS", 2)
     path, stream = tmp_path / "run.rrd", tmp_path / "stream.csv"
     stream.write_text("time,x,y,car\n" + "".join(f"{t},1,1,{c}\n" for t in "01" for c in "abc"))
     main(["watch", SPEC, str(stream), "--by", "car", "--rerun", str(path)])

@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -87,9 +87,48 @@ def test_times_of_a_frame_are_never_ignored_in_silence(
             f"begins with {begin[0]} and {begin[1]}; pass period=, the time between two samples, "
             "or drop it to count bounds in samples"
         )
-    # With a period it says nothing else, and a formula without bounds needs none.
-    assert rtamt.evaluate("always[0:1](x > 1)", frame, period=1).tolist() == [3.0, 2.0, -1.0, -1.0]
+    # A formula without bounds needs no period.
     assert rtamt.evaluate("always(x > 1)", frame).tolist() == [-1.0] * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "period", "distances"),
+    [
+        ("time", [0.0, 0.1, 0.2, 0.3], 1, "0.1 apart, not 1 s"),
+        ("time", [0.0, 0.1, 0.2, 0.5], "100ms", "0.1 to 0.3 apart, not 0.1 s"),
+        ("time_ms", [0, 100, 200, 300], 1, "0.1 s apart, not 1 s"),
+        ("recorded", STAMPS, 1, "0.01 s apart, not 1 s"),
+    ],
+)
+def test_times_that_contradict_the_period(
+    make: Make, name: str, times: object, period: float | str, distances: str
+) -> None:
+    frame = make({"x": [5.0, 4.0, 3.0, 0.0], name: times})
+    message = f"^period= leaves the times in '{name}' unread, which are {distances}"
+    for call in (rtamt.evaluate, rtamt.judge, rtamt.explain):
+        with pytest.warns(UserWarning, match=message):
+            call("always[0:1](x > 1)", frame, period=period, align="outward")
+    with pytest.warns(UserWarning, match=message):
+        rtamt.judge_many("always[0:1](x > 1)", [frame], period=period, align="outward")
+    rtamt.judge("always(x > 1)", frame, period=period)  # counts nothing
+
+
+@pytest.mark.parametrize(
+    ("times", "period"),
+    [([0, 100, 200, 300], "100ms"), ([0.0, 0.1, 0.2, 0.304], 0.1), ([0, 1000, 2000, 3000], "1ms")],
+)
+def test_times_that_fit_the_period_in_some_unit(
+    make: Make, times: Sequence[float], period: float | str
+) -> None:
+    frame = make({"x": [5.0, 4.0, 3.0, 0.0], "time": times})
+    assert rtamt.judge("always[0:1](x > 1)", frame, period=period, align="outward").verdict
+
+
+def test_joined_times_that_contradict_the_period() -> None:
+    trace = {"time": [0, 1, 2, 0, 1], "x": [1, 2, 3, 4, 5]}
+    rtamt.judge_many("always[0:1](x > 1)", trace, lengths=[3, 2], period=1)
+    with pytest.warns(UserWarning, match="1 apart, not 0.1 s"):
+        rtamt.judge_many("always[0:1](x > 1)", trace, lengths=[3, 2], period=0.1)
 
 
 def test_a_column_that_the_formula_reads_is_not_ignored(make: Make) -> None:

@@ -11,7 +11,7 @@ from command_line import run_without
 
 from rtamt.checking.answers import ExampleTrace
 from rtamt_gym.__main__ import main
-from rtamt_gym.commands.trace_pictures import draw
+from rtamt_gym.commands.example_traces import draw_traces
 
 RESPONSE = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
 
@@ -210,7 +210,7 @@ def test_a_picture_has_a_point_for_each_change_and_shades_what_repeats() -> None
         ("infinite", ExampleTrace({"x": (math.inf, 0.0)}, 2, 0)),
         ("empty", ExampleTrace({}, 3, 0)),
     ]
-    figure = draw(named, Fraction(1, 2))
+    figure = draw_traces(named, Fraction(1, 2))
     moving, infinite, empty = (part.axes[0] for part in figure.subfigs)
     (line,) = moving.lines
     assert np.asarray(line.get_xdata()).tolist() == [0.0, 1.0, 2.0, 2.5]
@@ -229,7 +229,7 @@ def test_a_picture_has_a_point_for_each_change_and_shades_what_repeats() -> None
 def test_a_picture_has_twelve_traces() -> None:
     trace = ExampleTrace({"x": (1.0,)}, 1, 0)
     for count, title in ((12, ""), (13, "12 of 13 traces")):
-        figure = draw([(str(i), trace) for i in range(count)], None)
+        figure = draw_traces([(str(i), trace) for i in range(count)], None)
         assert len(figure.subfigs) == 12
         assert figure.get_suptitle() == title
         assert figure.subfigs[0].axes[0].get_xlabel() == "samples"

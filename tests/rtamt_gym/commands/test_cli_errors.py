@@ -5,11 +5,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from catalogue import entries
 from command_line import run_without
 
 from rtamt_gym.__main__ import main
 
 Output = pytest.CaptureFixture[str]
+ERRORS = entries(Path(__file__).with_name("cli_errors.txt"))
 
 
 @pytest.fixture
@@ -116,178 +118,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("", "the following arguments are required: COMMAND; see rtamt --help"),
-        (
-            "monitor spec.stl",
-            "the following arguments are required: TRACE; see rtamt monitor --help",
-        ),
-        ("monitor no.stl trace.csv", "cannot open no.stl: No such file or directory"),
-        (
-            "monitor spc.stl trace.csv",
-            "cannot open spc.stl: No such file or directory; did you mean 'spec.stl'?",
-        ),
-        (
-            "monitor spc.stl --constant a=1 -- trace.csv",
-            "cannot open spc.stl: No such file or directory; did you mean 'spec.stl'?",
-        ),
-        (
-            "monitor spec.stl trace.csv --juint x.xml",
-            (
-                "unrecognized arguments: --juint x.xml; did you mean '--junit'?; "
-                "see rtamt monitor --help"
-            ),
-        ),
-        (
-            "monitor spec.stl trace.csv --screen",
-            (
-                "unrecognized arguments: --screen; --screen is an option of rtamt run, watch; "
-                "see rtamt monitor --help"
-            ),
-        ),
-        (
-            "watch spec.stl trace.csv --require-triggered",
-            (
-                "unrecognized arguments: --require-triggered; --require-triggered is an option of "
-                "rtamt run, evaluate, compare, sweep, falsify, replay, monitor, explain; "
-                "see rtamt watch --help"
-            ),
-        ),
-        ("monitor spec.stl trace.csv --junit --", "argument --junit: expected a value, got '--'"),
-        ("monitor --out -- spec.stl trace.csv", "argument --out: expected a value, got '--'"),
-        (
-            "explain spec.stl --period -- trace.csv",
-            "argument --period: expected a value, got '--'",
-        ),
-        ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
-        (
-            "monitor latin.csv trace.csv",
-            (
-                "expected a specification, got the trace latin.csv; for several traces write "
-                "SPEC... -- latin.csv trace.csv"
-            ),
-        ),
-        (
-            "monitor spec.stl latin.csv",
-            "latin.csv, line 2, column 'speed': expected a number, got 'ä'",
-        ),
-        (
-            "monitor spec.stl latin.doc",
-            (
-                "latin.doc: expected a name that ends in .csv, .csv.gz, .tsv, .txt, .parquet, "
-                ".feather, .arrow, .ndjson, .jsonl, .npz, .mat, .mf4, .mdf, .ulg, .bin, .hdf5, "
-                ".h5, .sqlite, .sqlite3, .db, .xml, .xml.gz, .mcap, .db3 or .bag"
-            ),
-        ),
-        (
-            "monitor bad.stl trace.csv",
-            (
-                "in bad.stl: STL:2:10: expected an operand after '>', got ')'\n"
-                "  (speed > )\n"
-                "           ^\n"
-                "  hint: write a variable, a number or '(' there"
-            ),
-        ),
-        (
-            "monitor speed<30 trace.csv",
-            (
-                "the specification is about the first sample only; "
-                "write always(speed < 30) or --view step"
-            ),
-        ),
-        (
-            "monitor spec.stl trace.csv --period 0",
-            "expected a period from 1e-300 to 1e300 s, or text such as \"100ms\", got '0'",
-        ),
-        (
-            "run CartPol-v1 --spec always(x<1) --signal x=obs[0]",
-            (
-                "cannot make CartPol-v1: Environment `CartPol` doesn't exist. "
-                "Did you mean: `CartPole`?"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1)",
-            (
-                "variable 'x' has no signal; pass --signal \"x=obs[INDEX]\""
-                ", or declare a constant: const float x = VALUE"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=obs[4]",
-            (
-                "signal 'x': obs[4] does not fit: the observation space has 4 elements there, "
-                "0 to 3; it is Box(shape=(4,), dtype=float32)"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=action",
-            (
-                "signal 'x': action has no value at reset; "
-                'give a first value, --signal "x=action,VALUE", or --signal '
-                '"x=action,unknown" if it is unknown: then no always over it can be '
-                "satisfied"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=action,up",
-            (
-                "--signal: expected a number after the comma, the value at reset, or unknown, got "
-                "'x=action,up'"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x",
-            "--signal: expected NAME=SELECTOR, such as angle=obs[2], got 'x'",
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --signal x=obs[1]",
-            "--signal: expected one signal 'x', got two",
-        ),
-        (
-            "run CartPole-v1 --spec a=always(x<1) --spec a=always(x<2) --signal x=obs[0]",
-            "expected one specification 'a', got two; rename one",
-        ),
-        (
-            "run CartPole-v1 --spec x<1 --signal x=obs[0]",
-            (
-                "specification 'spec' is about the first sample only; "
-                "write always(x < 1) or --view step"
-            ),
-        ),
-        (
-            "run Blackjack-v1 --spec always[0:2](x<1) --signal x=obs[0]",
-            (
-                "specification 'spec' has bounds in time, but Blackjack-v1 does not state the "
-                "duration of a step: there is no dt, tau or config['policy_frequency'] in it, or "
-                "in an environment inside it; give --period in seconds, or --period 1 if every "
-                "bound counts steps"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --plot x.doc",
-            "cannot draw x.doc: expected a name that ends in .png, .svg or .pdf",
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --json no/x.json",
-            "cannot write no/x.json: the folder no does not exist",
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --episodes 0",
-            (
-                "argument --episodes: expected a whole number greater than 0, got '0'; "
-                "see rtamt run --help"
-            ),
-        ),
-        (
-            "run CartPole-v1 --spec always(x<1) --seed -1",
-            "argument --seed: expected a whole number, got '-1'; see rtamt run --help",
-        ),
-        ("demo --plot no/x.png", "cannot write no/x.png: the folder no does not exist"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), ERRORS)
 def test_bad_input_is_refused_in_one_message_and_exit_code_2(
     capsys: Output, arguments: str, message: str
 ) -> None:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import importlib.util
 import math
 import re
+import shlex
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from catalogue import entries
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from rtamt_envs import scenario_of
@@ -342,46 +345,9 @@ def test_without_an_id_the_newest_environments_are_listed_by_where_they_come_fro
     assert "Hopper-v4" not in listed
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["CartPol-v1"],
-            (
-                "cannot make CartPol-v1: Environment `CartPol` doesn't exist. "
-                "Did you mean: `CartPole`?"
-            ),
-        ),
-        *(
-            (
-                [name],
-                (
-                    f"cannot make {name}: Environment `RequestGrant` doesn't exist. "
-                    "Did you mean: `rtamt/RequestGrant-v0`?"
-                ),
-            )
-            for name in ("RequestGrant-v0", "RequestGrant")
-        ),
-        (
-            ["CartPole-v1", "--env-kwarg", "a=1"],
-            (
-                "cannot make CartPole-v1 with a=1: TypeError: CartPoleEnv.__init__() got an "
-                "unexpected keyword argument 'a'"
-            ),
-        ),
-        (
-            ["--env-kwarg", "a=1"],
-            "expected the ENV_ID of the environment that takes --env-kwarg, got none",
-        ),
-        (["CartPole-v1", "x"], "unrecognized arguments: x; see rtamt envs --help"),
-        (
-            ["CartPole-v1", "--seed", "x"],
-            "argument --seed: expected a whole number, got 'x'; see rtamt envs --help",
-        ),
-    ],
-)
-def test_bad_input_is_one_message(arguments: list[str], message: str, capsys: Output) -> None:
-    assert main(["envs", *arguments]) == 2
+@pytest.mark.parametrize(("arguments", "message"), entries(Path(__file__).with_name("envs.txt")))
+def test_bad_input_is_one_message(arguments: str, message: str, capsys: Output) -> None:
+    assert main(["envs", *shlex.split(arguments)]) == 2
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
 
 

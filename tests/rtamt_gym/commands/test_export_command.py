@@ -1,8 +1,10 @@
 """`rtamt export`: what it writes, and mistakes."""
 
+import shlex
 from pathlib import Path
 
 import pytest
+from catalogue import entries
 from fmpy import read_model_description  # type: ignore[import-untyped]
 from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
 
@@ -103,41 +105,6 @@ def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
     assert names[5:] == ["speed", "slow"]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            ["one.stl", "-o", "m.fmu"],
-            "expected --period, the time between samples such as 100ms, or --dense; got neither",
-        ),
-        (
-            ["one.stl", "-o", "m.fmu", "--period", "1", "--dense"],
-            "expected --period, the time between samples such as 100ms, or --dense; got both",
-        ),
-        (
-            ["one.stl", "-o", "m.fmu", "--dense", "--align", "inward"],
-            "--align rounds bounds to samples, which dense time does not have",
-        ),
-        (
-            ["one.stl", "-o", "no/m.fmu", "--period", "1"],
-            "cannot write no/m.fmu: the folder no does not exist",
-        ),
-        (
-            ["one.stl", "-o", "one.stl", "--period", "1"],
-            "cannot write one.stl: it is an input of the command",
-        ),
-        (
-            ["none.stl", "-o", "m.fmu", "--period", "1"],
-            "cannot open none.stl: No such file or directory; did you mean 'one.stl'?",
-        ),
-        (
-            ["lower = x > 0; always(lower)", "-o", "m.fmu", "--period", "1"],
-            (
-                "'lower' is a variable of every exported monitor; "
-                "rename the 'lower' of the specification"
-            ),
-        ),
-    ],
-)
-def test_what_cannot_be_exported_is_refused(words: list[str], message: str, capsys: Output) -> None:
-    assert refused(words, capsys) == message
+@pytest.mark.parametrize(("words", "message"), entries(Path(__file__).with_name("export.txt")))
+def test_what_cannot_be_exported_is_refused(words: str, message: str, capsys: Output) -> None:
+    assert refused(shlex.split(words), capsys) == message

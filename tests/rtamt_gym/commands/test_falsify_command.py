@@ -1,9 +1,11 @@
 """`rtamt falsify` and `rtamt replay`: what they print and write, exit codes, and mistakes."""
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
+from catalogue import entries
 from fmus import library, write_fmu
 
 from rtamt_gym import Case, Parameter, falsify
@@ -147,50 +149,10 @@ def test_another_verdict_exits_1_and_names_what_has_changed(capsys: Output) -> N
     assert told[at + 2].endswith("(then 0.1)")
 
 
-MISTAKES = {
-    (): "the following arguments are required: SYSTEM; see rtamt falsify --help",
-    ("tank.py", "a > 1"): (
-        "expected a system as module:function, got the name of a file; write tank:FUNCTION"
-    ),
-    ("named_systems:pump", "always(x < 2)"): (
-        "pump does not declare a space of parameters; write --vary mass=1:2"
-    ),
-    ("named_systems:pump",): (
-        "named_systems:pump has no requirements of its own; write 'always(x < 1)'"
-    ),
-    ("named_systems:pump", "a > 1", "--env-kwarg", "leak=1"): (
-        "--env-kwarg: expected an environment, got named_systems:pump; use --set for other systems"
-    ),
-    ("named_systems:pump", "a > 1", "--policy", "zero"): (
-        "--policy needs an environment, got named_systems:pump"
-    ),
-    (SYSTEM, "grantd"): (
-        f"{SYSTEM} has no requirement 'grantd'; it has 'granted'; did you mean 'granted'?"
-    ),
-    (SYSTEM, "--optimizer", "cam"): (
-        "unknown optimizer 'cam'; the optimizers are 'portfolio', 'random', 'sobol', 'corners', "
-        "'cma', 'dual_annealing', 'differential_evolution', 'tpe'; did you mean 'cma'?"
-    ),
-    (SYSTEM, "--save", "case.yaml"): ("cannot write case.yaml: expected a name that ends in .json"),
-    (SYSTEM, "--policy", "random"): (
-        "--policy random: expected a policy that repeats its actions; vary the actions with --vary "
-        "NAME=LOW:HIGH,points=N"
-    ),
-    (SYSTEM, "always(rq < 2)", "--budget", "2"): (
-        "variable 'rq' has no signal; the signals are 'req', 'gnt'; did you mean 'req'?"
-    ),
-    ("named_systems:wave", "a > 1", "--vary", "drive=0:1,points=2"): (
-        "signal 'drive' has no duration; give --duration 30, in seconds"
-    ),
-    (SYSTEM, "--bugdet", "2"): "unrecognized arguments: --bugdet 2; "
-    "did you mean '--budget'?; see rtamt falsify --help",
-}
-
-
-@pytest.mark.parametrize("arguments", MISTAKES)
-def test_mistakes_exit_2_with_one_message(arguments: tuple[str, ...], capsys: Output) -> None:
-    assert main(["falsify", *arguments]) == 2
-    assert capsys.readouterr().err == f"rtamt: error: {MISTAKES[arguments]}\n"
+@pytest.mark.parametrize(("arguments", "message"), entries(Path(__file__).with_name("falsify.txt")))
+def test_mistakes_exit_2_with_one_message(arguments: str, message: str, capsys: Output) -> None:
+    assert main(["falsify", *shlex.split(arguments)]) == 2
+    assert capsys.readouterr().err == f"rtamt: error: {message}\n"
 
 
 def test_a_file_that_is_no_case_exits_2(capsys: Output) -> None:
@@ -217,3 +179,31 @@ def test_a_search_that_is_interrupted_at_once_says_that_it_found_nothing(
     assert main(["falsify", "halted_plant:plant", "always(y > 0)", *vary]) == 130
     assert capsys.readouterr() == ("", "interrupted before a simulation was over\n")
     assert not Path("case.json").exists()
+
+
+@pytest.mark.parametrize("command", ["falsify", "sweep"])
+@pytest.mark.parametrize(
+    ("period", "duration", "short"),
+    [("1ms", "60", True), ("0.001", "60s", True), ("1", "60", False), ("1ms", "inf", False)],
+)
+def test_simulations_that_end_long_before_the_duration(
+    command: str,
+    period: str,
+    duration: str,
+    short: bool,  # noqa: FBT001
+    capsys: Output,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(Path.cwd())
+    Path("minute.py").write_text("def play(x):\n    for _ in range(60):\n        yield {'y': x}\n")
+    arguments = ["minute:play", "--vary", "x=1:2", "--period", period, "--duration", duration]
+    goal = ["always(y > 0)", "--budget", "2"]
+    if command == "sweep":
+        goal = ["--requirement", "always(y > 0)", "--samples", "2"]
+    main([command, *arguments, *goal])
+    text = " ".join("".join(capsys.readouterr()).split())
+    warning = (
+        "no simulation lasts longer than 0.059 s of the 60 s in --duration, because the system "
+        f"ends by itself; a number without a unit is in seconds, and --period {period} is a step"
+    )
+    assert (warning in text) is short

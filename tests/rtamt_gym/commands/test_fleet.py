@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -218,7 +219,7 @@ def test_a_missing_reader_is_tried_again(folder: Path, monkeypatch: pytest.Monke
     (folder / "a.mat").write_bytes(bytes(300))
     specs = {"low": rtamt.parse("always(x < 9)")}
     job = FleetJob(TracesAsked(specs, EvaluationOptions(), Columns()), verify=False, version="0.6")
-    with FileRunner(job) as runner:
+    with closing(FileRunner(job)) as runner:
         ((_, damaged),) = runner.run([("a.mat", None)])
 
         def lacking(*_: object) -> None:

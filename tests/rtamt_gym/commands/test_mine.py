@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from catalogue import entries
 
 from rtamt_gym.__main__ import main
 
@@ -132,79 +134,9 @@ def test_no_value_is_code_2_with_the_trace_that_has_none(capsys: Output) -> None
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            [BELOW, "--range", "w=0:9", "late.csv"],
-            (
-                "the requirement has no parameter 'w'; it has 'v'; write ?w in place of its "
-                "value, as in always(x < ?w)"
-            ),
-        ),
-        (
-            [FORMULA, "--range", "t=0:9", "late.csv"],
-            (
-                "the parameter ?w has neither a range nor a value; one is mined at a time: write "
-                "--constant w=3"
-            ),
-        ),
-        (
-            [BELOW, "late.csv"],
-            "the following arguments are required: --range; see rtamt mine --help",
-        ),
-        (
-            [BELOW, "--range", "v=0,9", "late.csv"],
-            "--range: expected NAME=LOW:HIGH, such as v=0:200, got 'v=0,9'",
-        ),
-        (
-            [BELOW, "--range", "v=0:9", "--range", "w=0:9", "late.csv"],
-            (
-                "--range: expected one parameter, got 2; mine one parameter, and set the others "
-                "with --constant w=3"
-            ),
-        ),
-        (
-            [BELOW, "--range", "v=0:9", "--tolerance", "fine", "late.csv"],
-            "--tolerance: expected a number, such as 0.01, or 0, got 'fine'",
-        ),
-        (
-            [FORMULA, "--constant", "w=2", "--range", "t=0:3", "--tolerance", "1", "runs/a.csv"],
-            (
-                "expected no --tolerance for 't', which bounds a time and is sought among the "
-                "multiples of the period"
-            ),
-        ),
-        (
-            [BELOW, "--range", "v=0:9", "--dense", "late.csv"],
-            "rtamt mine judges samples; expected no --dense",
-        ),
-        (
-            [BELOW, "always(x < 1)", "--range", "v=0:9", "--", "runs"],
-            "expected one specification, got 2; for several traces write SPEC -- TRACE...",
-        ),
-        (
-            ["none.stl", "--range", "v=0:9", "--", "runs"],
-            "cannot open none.stl: No such file or directory",
-        ),
-        (
-            ["speed < ?v", "--range", "v=0:9", "--", "runs"],
-            (
-                "the specification is about the first sample only; write always(speed < 0) or "
-                "--view step"
-            ),
-        ),
-        (
-            [BELOW, "--range", "v=0:9", "late.csv"],
-            (
-                "late.csv: no column 'speed', which the specification reads; the columns are "
-                "time, km/h; give --signal speed=COLUMN"
-            ),
-        ),
-    ],
-)
-def test_mistakes_have_a_way_out(words: list[str], message: str, capsys: Output) -> None:
-    assert refused(words, capsys) == message
+@pytest.mark.parametrize(("words", "message"), entries(Path(__file__).with_name("mine.txt")))
+def test_mistakes_have_a_way_out(words: str, message: str, capsys: Output) -> None:
+    assert refused(shlex.split(words), capsys) == message
 
 
 def test_files_are_mined_without_gymnasium() -> None:

@@ -168,16 +168,6 @@ LATE = "late = always(req >= 3 implies always[0:60](gnt >= 3))"
 SAID_ANSWERED = "never answered: either depended on an answer in 0 of 1 trace"
 
 
-@pytest.fixture(autouse=True)
-def folder_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with traces of which one has a request."""
-    monkeypatch.chdir(tmp_path)
-    for name, request in (("idle", 0), ("busy", 4)):
-        rows = "".join(f"{time},{request if time == 1 else 0},9\n" for time in range(5))
-        (tmp_path / f"{name}.csv").write_text(f"time,req,gnt\n{rows}")
-    return tmp_path
-
-
 @pytest.mark.parametrize("dense", [[], ["--dense"]])
 @pytest.mark.parametrize("command", ["monitor", "explain"])
 def test_it_exits_3_for_what_needed_no_answer(
@@ -213,13 +203,13 @@ def test_what_is_open_and_a_violation_by_an_answer(capsys: Output) -> None:
     assert "never answered" not in capsys.readouterr().out
 
 
-def test_junit_and_markdown_fail_too(folder_answered: Path) -> None:
+def test_junit_and_markdown_fail_too(folder: Path) -> None:
     files = ["--junit", "out.xml", "--markdown", "out.md"]
     assert main(["monitor", EITHER, *files, "--", "busy.csv"]) == 0
-    assert "failure" not in (folder_answered / "out.xml").read_text().replace('failures="0"', "")
+    assert "failure" not in (folder / "out.xml").read_text().replace('failures="0"', "")
     assert main(["monitor", EITHER, *files, "--require-answered", "--", "busy.csv"]) == 3
     assert (
         f'<failure message="{SAID_ANSWERED}" type="never answered"'
-        in (folder_answered / "out.xml").read_text()
+        in (folder / "out.xml").read_text()
     )
-    assert "# SATISFIED, never answered: either" in (folder_answered / "out.md").read_text()
+    assert "# SATISFIED, never answered: either" in (folder / "out.md").read_text()

@@ -52,14 +52,6 @@ this, failure for a fall or a crash, cut where the episode could have gone on.
 """
 
 
-@pytest.fixture(autouse=True)
-def _environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.chdir(tmp_path)
-    gym.register("RtamtFalls-v0", lambda **_: Falls(), max_episode_steps=50)
-    yield
-    del gym.registry["RtamtFalls-v0"]
-
-
 def verdict(capsys: Output, *arguments: str) -> str:
     assert main([*RUN, *arguments]) == 0
     row: str = capsys.readouterr().out.splitlines()[3]
@@ -161,7 +153,8 @@ def test_another_reading_is_refused(capsys: Output) -> None:
 
 RUN_FAILURES = ["run", "RtamtLeaves-v0", "--signal", "y=obs[0]", "--at-termination", "complete"]
 SPEC = ["--spec", "low = always(y < 2)"]
-SPECS = [*SPEC, "--spec", "never = always(y > 5 implies eventually(y < 9))"]
+NEVER = ["--spec", "never = always(y > 5 implies eventually(y < 9))"]
+BREAKS = ["run", "RtamtBreaks-v0", *RUN_FAILURES[2:], *SPEC, *NEVER, "--policy", "zero"]
 NO_END = "which does not end a simulation; return, or raise an error"
 
 
@@ -177,15 +170,6 @@ class Breaks(Leaving):
         if self._odd and self._steps == 2:
             raise ValueError(f"diverged, {self._seed}: {'far ' * 80}")
         return np.array([float(self._odd)]), 0.0, self._steps == 3, False, {}
-
-
-@pytest.fixture(autouse=True)
-def _environment_failures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.chdir(tmp_path)
-    gym.register("RtamtLeaves-v0", lambda **given: Leaving(given["where"]))
-    gym.register("RtamtBreaks-v0", lambda **_: Breaks())
-    yield
-    del gym.registry["RtamtLeaves-v0"], gym.registry["RtamtBreaks-v0"]
 
 
 @pytest.mark.parametrize("where", LEAVING)
@@ -212,17 +196,7 @@ def test_the_table_has_the_others_and_the_first_error_stands_below(
 
 
 def test_an_error_is_cut_to_three_lines_and_others_are_counted(capsys: Output) -> None:
-    breaks = [
-        RUN_FAILURES[0],
-        "RtamtBreaks-v0",
-        *RUN_FAILURES[2:],
-        *SPECS,
-        "--policy",
-        "zero",
-        "--episodes",
-        "5",
-    ]
-    assert main([*breaks, "--require-triggered"]) == 2  # and not 3
+    assert main([*BREAKS, "--episodes", "5", "--require-triggered"]) == 2  # and not 3
     out = capsys.readouterr().out
     below = out.split("\n2 of 5 episodes failed; the first, seed 1:\n")[1].splitlines()
     assert below[0].startswith("  ValueError: diverged, 1: far far")
@@ -240,18 +214,8 @@ def test_an_error_is_cut_to_three_lines_and_others_are_counted(capsys: Output) -
 
 
 def test_files_have_all_episodes_and_the_error_of_those_that_failed(capsys: Output) -> None:
-    breaks = [
-        RUN_FAILURES[0],
-        "RtamtBreaks-v0",
-        *RUN_FAILURES[2:],
-        *SPECS,
-        "--policy",
-        "zero",
-        "--seed",
-        "1",
-    ]
     files = ["--json", "o.json", "--plot", "o.png"]
-    assert main([*breaks, "--episodes", "3", *files]) == 2
+    assert main([*BREAKS, "--seed", "1", "--episodes", "3", *files]) == 2
     assert "outcomes: o.json\npicture of episode 2: o.png\n" in capsys.readouterr().out
     kept = json.loads(Path("o.json").read_text())
     assert [trial["ended"] for trial in kept["trials"]] == ["error", "terminated", "error"]
@@ -304,12 +268,17 @@ RUN_OPTIONS = ["run", "RtamtGiven-v0", "--spec", "always(x < 2)", "--signal", "x
 
 
 @pytest.fixture(autouse=True)
-def _environment_options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _environments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """An empty working directory, the environments, and modules that the next test forgets."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
+    gym.register("RtamtFalls-v0", lambda **_: Falls(), max_episode_steps=50)
+    gym.register("RtamtLeaves-v0", lambda **given: Leaving(given["where"]))
+    gym.register("RtamtBreaks-v0", lambda **_: Breaks())
     gym.register("RtamtGiven-v0", Given, max_episode_steps=5)
     yield
-    del gym.registry["RtamtGiven-v0"]
+    for name in ("Falls", "Leaves", "Breaks", "Given"):
+        del gym.registry[f"Rtamt{name}-v0"]
     for module in [name for name in sys.modules if name.startswith("rtamt_")]:
         if Path(sys.modules[module].__file__ or "").is_relative_to(tmp_path):
             del sys.modules[module]

@@ -2,10 +2,12 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 from typing import get_args
 
 import pytest
+from catalogue import entries
 from fmus import library, write_fmu
 from named_systems import pump
 
@@ -139,112 +141,11 @@ def test_functions_and_fmus_are_run_as_in_python(capsys: Output, tmp_path: Path)
     assert "2 simulations, 4 simulated seconds" in shown
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["named_systems:pump", "--requirement", "a > 1", "--samples", "1"],
-            "pump does not declare a space of parameters; write --vary mass=1:2",
-        ),
-        (
-            ["named_systems:pump", "--samples", "1"],
-            (
-                "named_systems:pump has no requirements of its own; write "
-                "--requirement 'always(x < 1)'"
-            ),
-        ),
-        (
-            ["named_systems:pump", "--policy", "zero", "--samples", "1"],
-            "--policy needs an environment, got named_systems:pump",
-        ),
-        (
-            [SYSTEM, "--samples", "many"],
-            "--samples: expected a whole number above 0, or NAME=N,NAME=N, got 'many'",
-        ),
-        (
-            [SYSTEM, "--requirement", "garnted", "--samples", "1"],
-            f"{SYSTEM} has no requirement 'garnted'; it has 'granted'; did you mean 'granted'?",
-        ),
-        (
-            [SYSTEM, "--vary", "heigth", "--samples", "1"],
-            (
-                "--vary heigth: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7; the "
-                "scenario has 'delay', 'limit', 'noise', 'height', 'onset', 'length', 'request'; "
-                "did you mean 'height'?"
-            ),
-        ),
-        (
-            [SYSTEM, "--vary", "height=1:2:3", "--samples", "1"],
-            (
-                "--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, "
-                "got 'height=1:2:3'"
-            ),
-        ),
-        (
-            [SYSTEM, "--vary", "height=1:2,points=a", "--samples", "1"],
-            (
-                "--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, "
-                "got 'height=1:2,points=a'"
-            ),
-        ),
-        *(
-            (
-                [SYSTEM, "--vary", text, "--samples", "1"],
-                (f"--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, got {text!r}"),
-            )
-            for text in (
-                "=1:2",
-                "height=1|x",
-                "height=1|2,log",
-                "height=1:2,other",
-                "height=1:2,log=2",
-            )
-        ),
-        (
-            [SYSTEM, "--set", "height=1", "--set", "height=2", "--samples", "1"],
-            "--set: expected one 'height', got two",
-        ),
-        (
-            [SYSTEM, *HEAT_MAP, "--requirement", "req > 0", "--requirement", "gnt > 0"],
-            "--heat-map: expected one --requirement, got 'spec', 'spec2'",
-        ),
-        (
-            [SYSTEM, *HEAT_MAP, "--x", "heigth", "--y", "limit"],
-            ("unknown column 'heigth'; the space has 'height', 'limit'; did you mean 'height'?"),
-        ),
-        (
-            [SYSTEM, *HEAT_MAP, "--x", "limit", "--y", "limit"],
-            "expected two different columns, got 'limit' as x and as y",
-        ),
-        (
-            [SYSTEM, "--set", "height", "--samples", "1"],
-            "--set: expected NAME=NUMBER, such as mass=1.5, got 'height'",
-        ),
-        (
-            [SYSTEM, "--vary", "delay", "--samples", "1", "--heat-map", "a.png"],
-            "expected x and y, two of the columns 'delay', got --x None and --y None",
-        ),
-        (
-            [SYSTEM, "--policy", "random", "--samples", "1"],
-            (
-                "--policy random: expected a policy that repeats its actions; vary the actions "
-                "with --vary NAME=LOW:HIGH,points=N"
-            ),
-        ),
-        (
-            ["CartPole-v1", "--samples", "1"],
-            ("CartPole-v1 has no requirements of its own; write --requirement 'always(x < 1)'"),
-        ),
-        (
-            [SYSTEM, "--vary", "delay", "--samples", "1", "--heat-map", "a.xyz"],
-            "cannot draw a.xyz: expected a name that ends in .png, .svg or .pdf",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), entries(Path(__file__).with_name("sweep.txt")))
 def test_mistakes_are_told_before_anything_runs(
-    capsys: Output, arguments: list[str], message: str
+    capsys: Output, arguments: str, message: str
 ) -> None:
-    assert main(["sweep", *arguments]) == 2
+    assert main(["sweep", *shlex.split(arguments)]) == 2
     said = capsys.readouterr()
     assert (said.out, said.err) == ("", f"rtamt: error: {message}\n")
 

@@ -6,10 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
+from catalogue import entries
 
 from rtamt_gym.__main__ import main
 
 Output = pytest.CaptureFixture[str]
+ERRORS = entries(Path(__file__).with_name("trace_arguments.txt"))
+OTHERS = (
+    *("req.stl a.csv --signal gap", "req.stl a.csv --end never"),
+    "req.stl a.csv --dense --period 1",
+)
+"""Words with an error that names the command."""
 TEXT = "const float limit = 30\nnear = always(gap > 2)\nslow = always(speed < limit)\n"
 
 
@@ -27,96 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("command", ["monitor", "explain"])
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            "req.stl a.csv b.csv",
-            (
-                "expected a specification, got the trace a.csv; for several traces write "
-                "req.stl -- a.csv b.csv"
-            ),
-        ),
-        (
-            "req.stl a.csv b.csv c.csv",
-            (
-                "expected a specification, got the trace a.csv; for several traces write "
-                "req.stl -- a.csv b.csv ..."
-            ),
-        ),
-        (
-            "a.csv b.csv",
-            (
-                "expected a specification, got the trace a.csv; for several traces write "
-                "SPEC... -- a.csv b.csv"
-            ),
-        ),
-        (
-            "a.csv -- b.csv",
-            (
-                "expected a specification, got the trace a.csv; for several traces write "
-                "SPEC... -- a.csv b.csv"
-            ),
-        ),
-        (
-            "a.csv req.stl",
-            "expected a trace, got the specification req.stl; put specifications first",
-        ),
-        (
-            "req.stl -- a.csv req.stl",
-            "expected a trace, got the specification req.stl; put specifications first",
-        ),
-        (
-            "req.stl --",
-            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
-        ),
-        (
-            "-- a.csv",
-            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
-        ),
-        (
-            "req.stl -- a.csv -- b.csv",
-            "expected SPEC... -- TRACE..., specifications before -- and traces after it",
-        ),
-        ("req.stl -- no*.csv", "no file has a name like no*.csv"),
-        ("req.stl -- a.csv -", "expected - as the only trace, which is read from standard input"),
-        (
-            "req.stl -- a.csv --only nea",
-            "--only: no requirement is called 'nea'; did you mean 'near'?",
-        ),
-        (
-            "req.stl -- a.csv --only x",
-            "--only: no requirement is called 'x'; they are 'near', 'slow'",
-        ),
-        (
-            "req.stl a.csv --constant limt=3",
-            "--constant: no specification has the constant 'limt'; did you mean 'limit'?",
-        ),
-        (
-            "req.stl a.csv --constant limit",
-            "--constant: expected NAME=VALUE, such as limit=0.3, got 'limit'",
-        ),
-        (
-            "req.stl a.csv --constant limit=1 --constant limit=2",
-            "--constant: expected one 'limit', got two",
-        ),
-        (
-            "req.stl -- a.csv out.json",
-            "expected a trace, got out.json; --json takes no file, it writes to stdout",
-        ),
-        ("req.stl a.csv --signal gap", None),
-        (
-            "req.stl a.csv --signal gpa=distance",
-            "--signal: no specification reads 'gpa'; did you mean 'gap'?",
-        ),
-        (
-            "req.stl a.csv --signal x=distance",
-            "--signal: no specification reads 'x'; they read 'gap', 'speed'",
-        ),
-        ("req.stl a.csv --end never", None),
-        ("req.stl a.csv --dense --period 1", None),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [*ERRORS, *((words, None) for words in OTHERS)])
 def test_wrong_arguments_are_refused_at_once(
     command: str, words: str, message: str | None, capsys: Output
 ) -> None:

@@ -157,7 +157,7 @@ def test_wrong_option_error() -> None:
     assert message([episode()], keep="best") == (
         'expected keep="all", "satisfied" or a function of an episode, got \'best\''
     )
-    assert message([episode()], mode="sum").startswith("expected mode='add' or 'replace' or ")
+    assert message([episode()], mode="sum").startswith("expected mode='add', 'replace', ")
 
 
 def test_a_bound_needs_a_period() -> None:

@@ -355,7 +355,7 @@ SIGNAL_ERRORS: list[tuple[dict[str, Any], type[Exception], str]] = [
     (
         {"interpolation": "cubic"},
         InputError,
-        "expected interpolation='hold' or 'linear' or 'pchip', got 'cubic'",
+        "expected interpolation='hold', 'linear' or 'pchip', got 'cubic'",
     ),
     (
         {"duration": 0},

@@ -150,7 +150,7 @@ ERRORS: list[tuple[tuple[Any, ...], type[Exception], str]] = [
     (
         ([0], [1], "cubic"),
         InputError,
-        "expected interpolation='hold' or 'linear' or 'pchip', got 'cubic'",
+        "expected interpolation='hold', 'linear' or 'pchip', got 'cubic'",
     ),
     (([0], [np.nan]), InputError, "expected values as finite numbers, got nan among them"),
     (([np.inf], [1]), InputError, "expected times as finite numbers, got inf among them"),

@@ -256,7 +256,7 @@ def test_the_command_goes_on_in_its_folder(
         ({"n_jobs": 0}, "expected n_jobs= as a whole number, or -1 for all cores, got 0"),
         ({"n_jobs": 2.0}, "expected n_jobs= as a whole number, or -1 for all cores, got 2.0"),
         ({"timeout": 0}, "expected timeout= as a finite number above 0, got 0"),
-        ({"backend": "loky"}, "expected backend=None or 'dask' or 'ray', got 'loky'"),
+        ({"backend": "loky"}, "expected backend=None, 'dask' or 'ray', got 'loky'"),
     ],
 )
 def test_mistakes_are_refused_before_anything_runs(options: dict[str, Any], text: str) -> None:

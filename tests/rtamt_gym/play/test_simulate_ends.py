@@ -192,11 +192,11 @@ def test_a_branch_of_a_monitor_ends_and_the_monitor_does_not() -> None:
     [
         (
             {"at_termination": "open"},
-            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'open'",
+            "expected at_termination=None, 'complete', 'cut' or 'failure', got 'open'",
         ),
         (
             {"at_truncation": "failure"},
-            "expected at_truncation='complete' or 'cut' or 'open', got 'failure'",
+            "expected at_truncation='complete', 'cut' or 'open', got 'failure'",
         ),
     ],
 )

@@ -143,7 +143,7 @@ def refused(
         ),
         refused(
             lambda: run(ROWS, LOW, stop="never"),
-            "expected stop='violation' or 'decided' or 'known' or 'verdicts' or 'end', got 'never'",
+            "expected stop='violation', 'decided', 'known', 'verdicts' or 'end', got 'never'",
         ),
         refused(lambda: run(ROWS, LOW, view="all"), "expected view='episode' or 'step', got 'all'"),
         refused(

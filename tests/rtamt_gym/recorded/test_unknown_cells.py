@@ -9,6 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from bags import START, twist, write_bag
 from hypothesis import given, settings
@@ -494,19 +495,60 @@ def test_dates_of_two_rows_with_a_step_or_a_gap(capsys: Output) -> None:
     assert judged(capsys, table, "--by", "id")[0] == 2
 
 
-def test_selection_between_counted_rows(capsys: Output) -> None:
-    table = "mode,x; on,1; on,1; off,-1; on,1; on,-1"
-    code, text = judged(capsys, table, "--where", "mode=on", text="always[0:2](x > 0)")
+COUNTING = ["always[0:1](x > 0)", "always(next(x > 0))"]
+"""Formulas that relate neighbouring rows if there are no times."""
+
+
+@pytest.mark.parametrize("text", COUNTING)
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ("mode,x; on,1; on,1; off,-1; on,1; on,1", 5),
+        ("mode,x; on,1; off,-1; on,1; off,-1", 4),
+        ("mode,x; on,1; off,-1; off,1; on,1; off,1; off,1; on,1", 5),
+        ("mode,x; on,1; off,-1; on,1", 4),
+        ("mode,x; on,1; off,-1; 7.0,1; on,1", 5),
+    ],
+)
+def test_selection_between_counted_rows(capsys: Output, table: str, line: int, text: str) -> None:
+    options = ("--where", "mode=on")
+    code, output = judged(capsys, table, *options, text=text)
     assert code == 2
-    assert "line 5: --where leaves out rows before this one" in text
-    options = ("--where", "mode=on", "--one-trace")
-    assert judged(capsys, table, *options, text="always[0:2](x > 0)")[0] == 0
+    assert f"line {line}: --where leaves out rows before this one" in output
+    assert judged(capsys, table, *options, "--one-trace", text=text)[0] in {0, 3}
+    assert judged(capsys, table, *options)[0] == 0  # counts nothing
+    numbers = table.replace("on", "7.0").replace("off", "8")
+    assert judged(capsys, numbers, "--where", "mode=7.0", text=text)[0] == 2
 
 
-@pytest.mark.parametrize("table", ["car,x; a,1; b,-1; b,-1; a,1", "mode,x; a,1; b,-1; a,1; b,-1"])
-def test_selection_of_an_object_between_counted_rows(capsys: Output, table: str) -> None:
-    column = table.partition(",")[0]
-    assert judged(capsys, table, "--where", f"{column}=a", text="always[0:1](x > 0)")[0] == 0
+@pytest.mark.parametrize("text", COUNTING)
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_selection_between_counted_rows_of_groups(capsys: Output, text: str, suffix: str) -> None:
+    rows = ["a,on,1", "b,on,1", "a,off,-1", "b,on,1", "a,on,1", "b,off,1"]
+    frame = pd.DataFrame([row.split(",") for row in rows], columns=["id", "mode", "x"])
+    frame["x"] = frame["x"].astype(float)
+    getattr(frame, f"to_{suffix}")(f"log.{suffix}", index=False)
+    arguments = ["monitor", text, "--by", "id", "--where", "mode=on"]
+    assert main([*arguments, "--", f"log.{suffix}"]) == 2
+    output = capsys.readouterr()
+    fault = "--where leaves out rows before this one"
+    assert (output.out + output.err).count(fault) == 1  # of a, not of b
+    assert main([*arguments, "--one-trace", "--", f"log.{suffix}"]) in {0, 3}
+    assert main(["monitor", INVARIANT, *arguments[2:], "--", f"log.{suffix}"]) == 0
+
+
+def test_selection_of_sorted_groups_between_counted_rows(capsys: Output) -> None:
+    frame = pd.DataFrame({"id": list("aaabbb"), "mode": list("iiikok"), "x": 1.0})
+    frame.to_parquet("log.parquet", index=False)
+    arguments = ["monitor", "always[0:1](x > 0)", "--by", "id", "--sorted", "--where"]
+    assert main([*arguments, "mode=k", "--", "log.parquet"]) == 2
+    assert "--where leaves out rows before this one" in "".join(capsys.readouterr())
+    assert main([*arguments, "mode=i", "--", "log.parquet"]) == 0
+
+
+def test_selection_of_an_object_between_counted_rows(capsys: Output) -> None:
+    table = "car,x; a,1; b,-1; b,-1; a,1"
+    assert judged(capsys, table, "--where", "car=a", text="always[0:1](x > 0)")[0] == 0
 
 
 def test_dropped_row_between_counted_rows(capsys: Output) -> None:
@@ -540,3 +582,10 @@ def test_two_rows_that_stay_are_not_a_step(
 def test_rows_that_stay_at_an_even_step(capsys: Output) -> None:
     table = "time,x; 0,1; 1,; 2,1; 3,; 4,1"
     assert judged(capsys, table, "--missing", "drop", text="always[0:4](x > 0)")[0] == 0
+
+
+@pytest.mark.parametrize("options", [(), ("--dense",), ("--dense", "--one-trace")])
+def test_names_without_rows(capsys: Output, options: tuple[str, ...]) -> None:
+    code, text = judged(capsys, "x,y,z", *options, text="always[0:1](x > 0)")
+    assert code == 2
+    assert "unexpected" not in text

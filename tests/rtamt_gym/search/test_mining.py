@@ -382,7 +382,7 @@ def test_the_values_that_are_tried() -> None:
         "period is 0.5"
     )
     assert refusal(end="cutt") == (
-        "expected end=None or 'complete' or 'cut' or 'open', got 'cutt'; did you mean 'cut'?"
+        "expected end=None, 'complete', 'cut' or 'open', got 'cutt'; did you mean 'cut'?"
     )
 
 

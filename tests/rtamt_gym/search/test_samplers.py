@@ -131,7 +131,7 @@ def test_saltelli_changes_one_column_of_a_point_at_a_time() -> None:
             "sobel",
             InputError,
             (
-                "expected sampler='grid' or 'sobol' or 'lhs' or 'random' or 'morris' or "
+                "expected sampler='grid', 'sobol', 'lhs', 'random', 'morris' or "
                 "'saltelli', got 'sobel'; did you mean 'sobol'?"
             ),
         ),

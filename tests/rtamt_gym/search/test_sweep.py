@@ -343,7 +343,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             (SYSTEM,),
             {"stop": "never"},
             InputError,
-            "expected stop='violation' or 'decided' or 'known' or 'verdicts' or 'end', got 'never'",
+            "expected stop='violation', 'decided', 'known', 'verdicts' or 'end', got 'never'",
         ),
         (
             (SYSTEM,),
@@ -358,7 +358,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             (SYSTEM,),
             {"at_termination": "cutt"},
             InputError,
-            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'cutt'",
+            "expected at_termination=None, 'complete', 'cut' or 'failure', got 'cutt'",
         ),
         (
             (3, "always(x < 1)", [INFLOW]),

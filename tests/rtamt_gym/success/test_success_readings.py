@@ -130,7 +130,7 @@ def test_held_block_is_not_released() -> None:
     [
         (
             lambda: reading("heald"),  # type: ignore[arg-type]
-            "expected name='any' or 'last' or 'held' or 'kept', got 'heald'; did you mean 'held'?",
+            "expected name='any', 'last', 'held' or 'kept', got 'heald'; did you mean 'held'?",
         ),
         (lambda: reading("kept", "ok", 0), "expected a time above 0 for hold, got 0"),
         (lambda: reading("kept", "ok", "0ms"), "expected a time above 0 for hold, got '0ms'"),

@@ -121,6 +121,10 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
             ),
         ),
         (
+            "/home/me/rtamt_driver.py:act",
+            "--policy: expected module:function, got the name of a file; write rtamt_driver:act",
+        ),
+        (
             "rtamt_drive:act",
             (
                 "cannot find the module 'rtamt_drive' in the working directory or on the search "

@@ -24,8 +24,7 @@ from rtamt import InputError
 from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.run_screen import RunScreen
-from rtamt_gym.watching.screen import Screen
+from rtamt_gym.watching.screen import RunScreen, Screen
 
 SPECS = {
     "upright": "always(abs(angle) < 0.1)",

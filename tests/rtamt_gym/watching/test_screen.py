@@ -16,10 +16,9 @@ from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.replay import paced
 from rtamt_gym.watching.screen import Course, Screen
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.sources import paced
+from rtamt_gym.watching.watch import StreamWatch, WatchOptions
 
 SPECS = {
     "calm": rtamt.parse("always(x < 3)"),

@@ -2,20 +2,18 @@
 
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from played import play
 
 import rtamt
-from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns, Missing
-from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.states import StreamStop
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import WatchOptions
 
 Output = pytest.CaptureFixture[str]
 SPEC = "always(x < 5)"
@@ -29,26 +27,9 @@ def streamed(
     **options: Any,  # noqa: ANN401
 ) -> tuple[list[str], list[str], int]:
     """The lines of a stream in blocks of some bytes, its messages, and the exit code."""
-    lines: list[str] = []
-    watch = StreamWatch(
-        WatchOptions({"it": rtamt.parse(SPEC)}, reading, columns, **options),
-        "stream",
-        lambda line: lines.append(line.to_json()),
-    )
-    raw, code, errors = text.encode(), 0, list[str]()
-    try:
-        for at in range(0, len(raw), size):
-            if not watch.stopped:
-                watch.add(raw[at : at + size])
-        if not watch.stopped:
-            watch.end_of_input()
-        watch.finish(early=watch.stopped)
-        code = watch.exit_code()
-    except InputError as error:
-        code, errors = 2, [str(error)]
-        with suppress(InputError):
-            watch.finish(early=True)
-    return lines, [*errors, *watch.failures, *watch.messages()], code
+    stream = play(WatchOptions({"it": rtamt.parse(SPEC)}, reading, columns, **options), text, size)
+    errors = [*filter(None, [stream.error]), *stream.watch.failures, *stream.watch.messages()]
+    return [line.to_json() for line in stream.lines], errors, stream.code
 
 
 def table(names: str, *rows: str) -> str:

@@ -15,16 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import run_unread, run_without
+from played import play
 
 import rtamt
 from rtamt.typing import End
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.sources import StreamSource
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import WatchOptions
 
 Output = pytest.CaptureFixture[str]
 CALM = "always(x < 3)"
@@ -92,7 +91,7 @@ def test_the_end_finishes_what_is_undecided(
         ("2.0,", "expected a number, got ''; give --missing hold"),
         ("2.0", "expected 2 values"),
         ("2.0,1,1", "expected 2 values"),
-        ('2.0,"1', "expected 2 values"),
+        ('2.0,"1', "expected the end of a quoted cell in its line"),
         ("2.5,1", "samples 1 s apart"),
         ("3.0,1", "samples 1 s apart"),
         ("inf,1", "finite"),
@@ -110,6 +109,23 @@ def test_a_bad_line_is_an_error_with_its_number(
     assert fault in errors
     assert verdicts(lines)[1:] == [(1, "VIOLATED", False), (1, "VIOLATED", True)]
     assert lines[-1]["end"] == "open"
+
+
+@pytest.mark.parametrize(
+    "cell", ['"c\n3,-1,d\n4,1,"', '"c\n3,-1,d', '"c\n\n3,-1,"', '"a ""b\n3,-1,"']
+)
+def test_quoted_cell_over_lines_is_never_skipped(cell: str, capsys: Output, stream: Path) -> None:
+    text = f"time,x,note\n0,1,a\n1,1,b\n2,1,{cell}\n5,1,e\n"
+    code, _, errors = watched(capsys, stream, text, CALM, "--skip-bad")
+    assert code == 2
+    assert f"{stream}, line 4: expected the end of a quoted cell in its line" in errors
+
+
+@pytest.mark.parametrize("cell", ['5"', '"a, ""b"""', 'a "b" c', '"5"" nail"'])
+def test_quotes_within_a_line(cell: str, capsys: Output, stream: Path) -> None:
+    text = f"time,x,note\n0,1,a\n1,1,{cell}\n2,1,b\n"
+    assert watched(capsys, stream, text, "always(x > 0)")[0] == 0
+    assert main(["monitor", "always(x > 0)", "--", str(stream)]) == 0
 
 
 def test_skipped_lines_are_unknown_samples(capsys: Output, stream: Path) -> None:
@@ -298,7 +314,6 @@ def test_groups_are_traces_of_their_own(dense: bool, idle: int | None) -> None: 
     spec = rtamt.parse("always(x > 3 implies eventually[0:1](x < 2))")
     made = fleet(12, 5)
     text = "time,x,car\n" + "".join(f"{time},{x},{car}\n" for time, car, x in made)
-    lines: list[Line] = []
     options = WatchOptions(
         {"it": spec},
         EvaluationOptions(dense=dense),
@@ -307,11 +322,7 @@ def test_groups_are_traces_of_their_own(dense: bool, idle: int | None) -> None: 
         every=True,
         group_idle=None if idle is None else Fraction(idle),
     )
-    watch = StreamWatch(options, "stream", lines.append)
-    for piece in (text[:33], text[33:34], text[34:500], text[500:]):
-        watch.add(piece.encode())
-    watch.end_of_input()
-    watch.finish(early=False)
+    lines = play(options, text, [33, 34, 500]).lines
     assert {line.group for line in lines} == {"car 0", "car 1", "car 2"}
     for car in {group for _, group, _ in made}:
         own = [(time, x) for time, group, x in made if group == car]

@@ -11,16 +11,14 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from played import play
 from profiles import examples
 
 import rtamt
-from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import WatchOptions
 
 Output = pytest.CaptureFixture[str]
 SPEC = "always(x > 0 implies eventually[0:2](x < 2))"
@@ -46,32 +44,13 @@ def monitored(text: str, *arguments: str) -> tuple[int, dict[str, list[Any]]]:
 
 def streamed(text: str, places: Sequence[int], **options: Any) -> tuple[int, dict[str, list[Any]]]:  # noqa: ANN401
     """The exit code of a stream in pieces, and the final lines of its groups."""
-    lines: list[Line] = []
-    dense = options.pop("dense", False)
-    watch = StreamWatch(
-        WatchOptions(
-            {"spec": rtamt.parse(SPEC)},
-            EvaluationOptions(dense=dense, period=options.pop("period", None)),
-            Columns(),
-            by=("car",),
-            **options,
-        ),
-        "stdin",
-        lines.append,
+    reading = EvaluationOptions(
+        dense=options.pop("dense", False), period=options.pop("period", None)
     )
-    raw = text.encode()
-    bounds = sorted(place % (len(raw) + 1) for place in places)
-    error = False
-    try:
-        for begin, end in zip([0, *bounds], [*bounds, len(raw)], strict=True):
-            watch.add(raw[begin:end])
-        watch.end_of_input()
-    except InputError:
-        error = True
-    watch.finish(early=error)
-    finals = [json.loads(line.to_json()) for line in lines if line.final]
-    code = 2 if error else watch.exit_code()
-    return code, {line["group"]: [line[field] for field in FINAL] for line in finals}
+    specs = {"spec": rtamt.parse(SPEC)}
+    stream = play(WatchOptions(specs, reading, Columns(), by=("car",), **options), text, places)
+    finals = [json.loads(line.to_json()) for line in stream.finals]
+    return stream.code, {line["group"]: [line[field] for field in FINAL] for line in finals}
 
 
 @st.composite

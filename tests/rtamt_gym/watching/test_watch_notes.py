@@ -5,15 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from played import play
 
 import rtamt
-from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching import evidence
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching import notes
+from rtamt_gym.watching.watch import WatchOptions
 
 Output = pytest.CaptureFixture[str]
 
@@ -89,20 +88,11 @@ def test_a_row_of_units_is_no_row(
     assert main(["monitor", spec, str(path), "--json"]) == code
     ((trial,),) = [json.loads(capsys.readouterr().out)["trials"]] if code < 2 else [[{}]]
     options = WatchOptions({"it": rtamt.parse(spec)}, EvaluationOptions(), Columns())
-    watch = StreamWatch(options, str(path), lambda _: None)
-
-    def play() -> tuple[int, list[str]]:
-        for at in range(0, len(text), size):
-            watch.add(text[at : at + size].encode())
-        watch.end_of_input()
-        watch.finish(early=False)
-        return watch.exit_code(), watch.messages()
-
-    if code == 2:
-        with pytest.raises(InputError):
-            play()
-    else:
-        assert play() == (code, trial["notes"])
+    stream = play(options, text, size)
+    assert stream.code == code
+    if code < 2:
+        messages = [note.replace("stream, ", f"{path}, ") for note in stream.watch.messages()]
+        assert messages == trial["notes"]
         assert any("is a row of units" in note for note in trial["notes"])
 
 
@@ -127,20 +117,8 @@ def test_times_of_day_without_marks_are_refused(
     code = main(["monitor", "always[0:2](x > 0)", str(path), "--dense"])
     specs = {"it": rtamt.parse("always[0:2](x > 0)")}
     options = WatchOptions(specs, EvaluationOptions(dense=True), Columns())
-    watch = StreamWatch(options, "stream", lambda _: None)
-
-    def play() -> int:
-        for at in range(0, len(text), size):
-            watch.add(text[at : at + size].encode())
-        watch.end_of_input()
-        watch.finish(early=False)
-        return watch.exit_code()
-
-    if code == 2:
-        with pytest.raises(InputError, match="time of day"):
-            play()
-    else:
-        assert play() == code
+    stream = play(options, text, size)
+    assert (stream.code, "time of day" in stream.error) == (code, code == 2)
     assert main(["watch", "always[0:2](x > 0)", str(path), "--dense", "--time-unit", "s"]) == 0
 
 
@@ -228,7 +206,7 @@ def test_triggers_of_long_streams_are_not_counted(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(evidence, "_MOST", 10 + evidence._TRACE)
+    monkeypatch.setattr(notes, "_MOST", 10 + notes._TRACE)
     path = tmp_path / "trace.csv"
     path.write_text("time,x\n" + "".join(f"{i / 2},1\n" for i in range(rows)))
     assert main(["watch", "always(x > 5 implies x < 9)", str(path), *kind]) == 0
@@ -327,3 +305,69 @@ def test_two_rows_of_a_group_around_a_gap_are_no_step(
         assert main([command, "always[0:5](x > 3)", *options]) == 2
         assert "expected samples at even distances" in capsys.readouterr().err
     assert main(["watch", "always[0:5](x > 3)", *options, "--dense"]) == 0
+
+
+def drifting(rows: int) -> str:
+    """A table whose rows are 1 s apart first, and 1.001 s after that."""
+    times = [0.0, *(1 + 1.001 * row for row in range(rows - 1))]
+    return "time,x\n" + "".join(f"{time:.3f},1\n" for time in times)
+
+
+@pytest.mark.parametrize("skip", [[], ["--skip-bad"]])
+@pytest.mark.parametrize("group", [[], ["--by", "id"]])
+def test_rows_that_drift_from_the_first_period(
+    skip: list[str], group: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    path, bounded = tmp_path / "trace.csv", "always[0:2](x > 0)"
+    path.write_text(drifting(510).replace(",1\n", ",1,a\n").replace("time,x", "time,x,id"))
+    options = [str(path), "--decimal", ".", "--time-unit", "s", *skip, *group]
+    assert main(["monitor", bounded, "--", str(path)]) == 2
+    capsys.readouterr()
+    assert main(["watch", bounded, *options]) == 2
+    errors = capsys.readouterr().err
+    assert "line 503: expected samples 1 s apart, as the first two are, but the later" in errors
+    assert "501.5 s is sample 501. Give --period 1s to count rows" in errors
+    assert main(["watch", bounded, *options, "--dense"]) == 0
+    capsys.readouterr()
+    assert main(["watch", "always(x > 0)", *options, "--min-duration", "509.3s"]) == 0
+    assert "rows drift from the period of the first two, 1 s: 509.508 s in all" in (
+        capsys.readouterr().err
+    )
+
+
+@pytest.mark.parametrize("text", ["always[0:2](x > 0)", "always(x > 0)"])
+def test_rows_that_drift_less_than_half_a_step(text: str, capsys: Output, tmp_path: Path) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(drifting(490))
+    assert main(["watch", text, str(path), "--decimal", ".", "--time-unit", "s"]) == 0
+    assert "drift" not in capsys.readouterr().err
+
+
+LEFT_OUT = "x,y\n1,1\n1,{}\n1,2\n1,2\n"
+
+
+@pytest.mark.parametrize("options", [[], ["--period", "1"]])
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [("always[0:1](x + y > 0)", True), ("always(next(y > 0))", True), ("always(x + y > 0)", False)],
+)
+def test_dropped_row_between_counted_rows(
+    text: str,
+    counts: bool,  # noqa: FBT001
+    options: list[str],
+    capsys: Output,
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(LEFT_OUT.format(""))
+    options = [*options, "--missing", "drop"]
+    if options[0] != "--period" and "[" in text:
+        options = ["--period", "1", *options]  # rtamt watch does not count rows by itself
+    for command in (["monitor", text, *options, "--", str(path)], ["watch", text, str(path)]):
+        code = main(command if command[0] == "monitor" else [*command, *options])
+        errors = capsys.readouterr().err
+        assert ("line 4: --missing drop leaves out the row before" in errors) is counts
+        assert code == (2 if counts else 0)
+    assert main(["watch", text, str(path), *options, "--one-trace"]) in {0, 3}
+    path.write_text(LEFT_OUT.format("1").replace("1,1\n", "1,\n", 1))
+    assert main(["watch", text, str(path), *options]) in {0, 3}

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from played import play
 
 import rtamt
-from rtamt import InputError
 from rtamt_gym.__main__ import main
 from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.watching.settings import WatchOptions
 from rtamt_gym.watching.states import StreamStop
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import WatchOptions
 
 Output = pytest.CaptureFixture[str]
 SPEC = "always(x > 0)"
@@ -22,19 +21,8 @@ SPEC = "always(x > 0)"
 
 def refusal(text: str, size: int) -> str:
     """The error of a stream in pieces of some bytes; empty if it is one trace."""
-    watch = StreamWatch(
-        WatchOptions({"it": rtamt.parse(SPEC)}, EvaluationOptions(), Columns()),
-        "stream",
-        lambda _: None,
-    )
-    raw = text.encode()
-    try:
-        for at in range(0, len(raw), size):
-            watch.add(raw[at : at + size])
-        watch.end_of_input()
-    except InputError as error:
-        return str(error)
-    return ""
+    options = WatchOptions({"it": rtamt.parse(SPEC)}, EvaluationOptions(), Columns())
+    return play(options, text, size).error
 
 
 def table(names: str, rows: Sequence[Sequence[object]]) -> str:
@@ -178,15 +166,10 @@ def test_objects_are_looked_for_at_a_stop(
         spec = SPEC if stop == "violation" else f"always[0:{rows[last][0]}](x > 0)"
         reading = EvaluationOptions(dense=True)
         options = WatchOptions({"it": rtamt.parse(spec)}, reading, Columns(), stop=stop)
-        watch = StreamWatch(options, "stream", lambda _: None)
-        raw = table(f"time,{column},x", rows).encode()
-        for at in range(0, len(raw), size):
-            if not watch.stopped:
-                watch.add(raw[at : at + size])
-        assert watch.stopped
-        watch.finish(early=True)
-        assert bool(watch.failures) == refused, last
-        assert (watch.exit_code() == 2) == refused
+        stream = play(options, table(f"time,{column},x", rows), size)
+        assert stream.watch.stopped
+        assert bool(stream.watch.failures) == refused, last
+        assert (stream.code == 2) == refused
 
 
 @pytest.mark.parametrize("size", [1, 10_000])
@@ -206,17 +189,7 @@ def test_objects_are_noticed_row_by_row(
     reading = EvaluationOptions(dense="--dense" in options)
     by = ("car",) if "--by" in options else ()
     settings = WatchOptions({"it": rtamt.parse(SPEC)}, reading, Columns(), by=by)
-    watch = StreamWatch(settings, "stream", lambda _: None)
-    raw = text.encode()
-    try:
-        for at in range(0, len(raw), size):
-            watch.add(raw[at : at + size])
-        watch.end_of_input()
-        watch.finish(early=False)
-    except InputError:
-        assert refused
-    else:
-        assert (watch.exit_code() == 2) == refused
+    assert (play(settings, text, size).code == 2) == refused
 
 
 def test_variables_with_times_of_their_own(capsys: Output, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import strategies
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from played import play
 from profiles import examples
 
 import rtamt
@@ -22,8 +23,7 @@ from rtamt_gym.options.evaluation import EvaluationOptions
 from rtamt_gym.recorded.columns import Columns, Missing
 from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.watching.lines import Line
-from rtamt_gym.watching.settings import WatchOptions
-from rtamt_gym.watching.watch import StreamWatch
+from rtamt_gym.watching.watch import WatchOptions
 
 Kind = Literal["csv", "ndjson"]
 Trace = strategies.Trace
@@ -44,16 +44,9 @@ def text_of(kind: Kind, rows: Sequence[dict[str, float]]) -> bytes:
 
 def played(options: WatchOptions, text: bytes, places: Sequence[int]) -> tuple[list[Line], int]:
     """The lines of a stream in pieces, some of them empty, and its exit code."""
-    lines: list[Line] = []
-    watch = StreamWatch(options, "stdin", lines.append)
-    bounds = sorted(place % (len(text) + 1) for place in places)
-    for begin, end in zip([0, *bounds], [*bounds, len(text)], strict=True):
-        watch.add(text[begin:end])
-        watch.add(b"")
-    watch.end_of_input()
-    watch.finish(early=False)
-    assert not watch.failures
-    return lines, watch.exit_code()
+    stream = play(options, text, places)
+    assert (stream.error, stream.watch.failures) == ("", [])
+    return stream.lines, stream.code
 
 
 def monitored(arguments: Sequence[str], text: bytes, kind: Kind) -> tuple[int, dict[str, Any]]:
@@ -231,22 +224,11 @@ def test_no_cut_changes_what_becomes_of_a_damaged_stream(
     reading = EvaluationOptions(dense=dense, period=None if dense else period)
     options = WatchOptions(specs, reading, Columns(missing=missing), every=True, skip_bad=skip_bad)
 
-    def outcome(pieces: Sequence[bytes]) -> tuple[list[str], str, int]:
-        lines: list[Line] = []
-        watch = StreamWatch(options, "stdin", lines.append)
-        error = ""
-        try:
-            for piece in pieces:
-                watch.add(piece)
-            watch.end_of_input()
-        except rtamt.RtamtError as refused:
-            error = str(refused)
-        watch.finish(early=bool(error))
-        return [line.to_json() for line in lines], error, watch.exit_code()
+    def outcome(places: Sequence[int]) -> tuple[list[str], str, int]:
+        stream = play(options, text, places)
+        return [line.to_json() for line in stream.lines], stream.error, stream.code
 
-    bounds = sorted(place % (len(text) + 1) for place in places)
-    pieces = [text[i:j] for i, j in zip([0, *bounds], [*bounds, len(text)], strict=True)]
-    assert outcome(pieces) == outcome([text])
+    assert outcome(places) == outcome([])
 
 
 @settings(max_examples=examples(60))
@@ -292,17 +274,7 @@ def test_events_at_their_own_pace_end_as_in_a_file(
         EvaluationOptions(end=end, dense=True),
         Columns(missing=missing),
     )
-    lines: list[Line] = []
-    watch = StreamWatch(options, "stdin", lines.append)
-    bounds = sorted(place % (len(stream) + 1) for place in places)
-    refused = False
-    try:
-        for begin, stop in zip([0, *bounds], [*bounds, len(stream)], strict=True):
-            watch.add(stream[begin:stop])
-        watch.end_of_input()
-    except rtamt.InputError:
-        refused = True
-    watch.finish(early=False)
+    played_stream = play(options, stream, places)
     requirement = f"it = {options.specs['it'].formula}"
     with TemporaryDirectory() as folder:
         path = Path(folder) / "trace.csv"
@@ -312,11 +284,11 @@ def test_events_at_their_own_pace_end_as_in_a_file(
         with redirect_stdout(output), redirect_stderr(StringIO()):
             code = main(["monitor", *arguments, "--json"])
     if code == 2:
-        assert refused or watch.failures
+        assert played_stream.error or played_stream.watch.failures
         return
-    assert not refused
-    assert watch.exit_code() == code
-    final = lines[-1]
+    assert not played_stream.error
+    assert played_stream.code == code
+    final = played_stream.lines[-1]
     (trial,) = json.loads(output.getvalue())["trials"]
     (outcome,) = trial["outcomes"].values()
     values = [number(outcome[name]) for name in ("robustness", "lower", "upper")]

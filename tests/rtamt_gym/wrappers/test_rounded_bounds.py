@@ -121,6 +121,4 @@ def test_without_it_bounds_must_fit_and_another_way_is_refused() -> None:
         rtamt_gym.simulate(env, MISFIT, SIGNALS, policy=lambda _: 0)
     with pytest.raises(InputError) as caught:
         rtamt_gym.simulate(env, MISFIT, SIGNALS, policy=lambda _: 0, align="up")  # type: ignore[arg-type]  # refused
-    assert str(caught.value) == (
-        "expected align=None or 'outward' or 'inward' or 'nearest', got 'up'"
-    )
+    assert str(caught.value) == ("expected align=None, 'outward', 'inward' or 'nearest', got 'up'")

@@ -317,5 +317,5 @@ def test_observations_that_cannot_grow_are_refused() -> None:
         "rename it"
     )
     assert refused(Replay([1]), specs="always(x > 1)", signals=X, observe="all") == (
-        "expected observe=None or 'state' or 'obligations', got 'all'"
+        "expected observe=None, 'state' or 'obligations', got 'all'"
     )
