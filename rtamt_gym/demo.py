@@ -26,16 +26,7 @@ Driver = Callable[[gym.Env[Any, Any]], Policy]
 
 @dataclass(frozen=True, slots=True)
 class Demo:
-    """An environment, two specifications, and drivers.
-
-    Attributes:
-        env_id: The id of the environment.
-        specs: The specifications by name.
-        signals: The signals of their variables.
-        duration: The time limit in seconds.
-        drivers: The drivers by name; each has an episode, and all start from the same seed.
-        shown: The name of the driver for the picture.
-    """
+    """An environment, two specifications, and drivers."""
 
     env_id: str
     specs: Mapping[str, str]

@@ -23,11 +23,7 @@ OPEN = "#666666"
 
 
 def check_format(path: Path) -> None:
-    """Check that a file has the extension of a picture.
-
-    Raises:
-        InputError: If it has another extension; the error names the usual ones.
-    """
+    """Check that a file has the extension of a picture."""
     if path.suffix.lower().removeprefix(".") not in FigureCanvasAgg.get_supported_filetypes():
         raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
 

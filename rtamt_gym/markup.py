@@ -73,10 +73,6 @@ def curve(values: ArrayLike, label: str) -> Markup:
     """Return a curve over samples, with a line at 0 if values lie on both sides.
 
     Infinite values and nan interrupt the curve.
-
-    Args:
-        values: The values, evenly spaced.
-        label: A description for screen readers.
     """
     heights = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(heights)

@@ -98,11 +98,7 @@ def shorten(text: str, width: int) -> str:
 
 
 class Coloured(str):
-    """A text in a colour, for tables on a terminal with colours.
-
-    Attributes:
-        style: ``"red"``, ``"yellow"``, ``"green"``, ``"bold"``, or empty.
-    """
+    """A text in a colour, for tables on a terminal with colours."""
 
     __slots__ = ("style",)
 
@@ -120,12 +116,7 @@ _CODES: Final = {"red": 31, "yellow": 33, "green": 32, "bold": 1}
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """The width of lines, and whether they have colours.
-
-    Attributes:
-        width: The maximum number of columns of a line.
-        colours: Whether to colour texts, with ANSI codes.
-    """
+    """The width of lines, and whether they have colours."""
 
     width: int = 80
     colours: bool = False
@@ -163,13 +154,6 @@ def table(
     terminal: Terminal | None = None,
 ) -> list[str]:
     r"""Arrange cells in columns, two blanks apart; omit a column that is empty below its name.
-
-    Args:
-        rows: The cells; the first row holds the names of the columns.
-        align: ``<`` or ``>`` for every column.
-        width: The maximum width of a line, to which the cells of the first column are cut, but not
-            below 8; None: no maximum.
-        terminal: The terminal of `Coloured` cells; None: without colours.
 
     Example:
         >>> cells = [("ep", "spec", "steps"), ("", "upright", "50")]

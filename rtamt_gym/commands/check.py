@@ -27,8 +27,8 @@ from rtamt_gym.commands.example_traces import (
 )
 from rtamt_gym.commands.specs import chosen, files_of, read_constants, read_requirements
 from rtamt_gym.options.command_line import Option, add_options
-from rtamt_gym.results.codec import document
-from rtamt_gym.results.provenance import Provenance, plain_provenance
+from rtamt_gym.results.codec import document, plain
+from rtamt_gym.results.provenance import Provenance
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -223,7 +223,7 @@ def _data(
         **({"rates": read_rates(options.rate)} if options.rate else {}),
         "requirements": {name: str(spec.formula) for name, spec in specs.items()},
     }
-    head |= plain_provenance(Provenance.of(specs).with_files(files_of(options.specs)))
+    head |= plain(Provenance.of(specs).with_files(files_of(options.specs)))
     if others:
         same = {
             name: {"other": str(_other(name, others).formula), **equivalence_data(requirement)}

@@ -116,8 +116,11 @@ def _evaluations(
 def _recordings(
     options: argparse.Namespace, side_a: Mapping[str, Any], side_b: Mapping[str, Any]
 ) -> int:
-    from rtamt_gym.evaluation.recording_changes import RecordingSet
-    from rtamt_gym.evaluation.recording_tables import comparison_warnings, recordings_lines
+    from rtamt_gym.evaluation.recording_changes import (
+        RecordingSet,
+        comparison_warnings,
+        recordings_lines,
+    )
     from rtamt_gym.evaluation.recordings import compare_recordings
 
     if options.a.samefile(options.b):

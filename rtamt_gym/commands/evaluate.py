@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.evaluation.recording_changes import RecordingsComparison
     from rtamt_gym.results.outcome import Word
-    from rtamt_gym.results.table import Results
+    from rtamt_gym.results.statistics import Results
     from rtamt_gym.signals.signals import SignalLike
 
 _FLAG: Final = "success"
@@ -272,9 +272,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Play the episodes and print the results; return 1 or 3 if a target is not met."""
     from rtamt_gym.evaluation.evaluate import evaluate_policy
+    from rtamt_gym.evaluation.evaluation import show
     from rtamt_gym.evaluation.replays import UnrepeatedSeedWarning
     from rtamt_gym.evaluation.sequential import stopping_of
-    from rtamt_gym.evaluation.tables import show
     from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.signals.periods import read_period

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the case, and print the run and its verdict; return 1 if it is unexpected."""
     from rtamt_gym.play.saved_case import SavedCase
-    from rtamt_gym.results.table import Results
+    from rtamt_gym.results.statistics import Results
 
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
     saved = SavedCase.load(options.case)

@@ -36,7 +36,7 @@ from rtamt_gym.results.warnings import (
 from rtamt_gym.tables import counted, shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.results.table import Results
+    from rtamt_gym.results.statistics import Results
     from rtamt_gym.search.sweeps.sweep import Sweep
 
 _SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")

@@ -230,11 +230,7 @@ class SignalReader:
         self._columns(1)  # raises now if a selector does not fit
 
     def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
-        """Return the signals of an episode: a row for the reset, and one for every step.
-
-        Raises:
-            InputError: If a signal cannot be read or is nan; a note names the episode.
-        """
+        """Return the signals of an episode: a row for the reset, and one for every step."""
         note = f"in episode {episode.number}"
         try:
             table = self._read(episode, rewards)

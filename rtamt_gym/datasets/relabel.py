@@ -40,15 +40,7 @@ from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 
 class Tape:
-    """Recorded episodes in sequence: a row for every sample, and a row for idle environments.
-
-    Attributes:
-        starts: The rows in which episodes start; the last is the row of idle environments.
-        signals: The signals of every row.
-        rewards: The rewards of every row.
-        terminated: Whether the row is the last of a terminated episode.
-        truncated: Whether the row is the last of any other episode.
-    """
+    """Recorded episodes in sequence: a row for every sample, and a row for idle environments."""
 
     def __init__(
         self,
@@ -69,12 +61,7 @@ class Tape:
 
 
 class Playback(VectorEnv[Any, Any, Any]):
-    """A vector environment that plays a tape; actions do nothing.
-
-    Attributes:
-        tape: The tape, to be set before a reset.
-        rows: The row that each environment shows.
-    """
+    """A vector environment that plays a tape; actions do nothing."""
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as Gymnasium's
 
@@ -123,14 +110,7 @@ class Playback(VectorEnv[Any, Any, Any]):
 
 
 class JudgedTape:
-    """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
-
-    Attributes:
-        columns: For each key of the infos, a value for every row, 0 if it is missing.
-        rewards: The shaped rewards of every row.
-        outcomes: The outcomes of each episode, by its last row.
-        violations: The specification that was violated first and the sample, by the same row.
-    """
+    """The results of the wrappers for every sample of a tape, and for the ends of its episodes."""
 
     def __init__(self, rows: int) -> None:
         self.columns: dict[str, Any] = {}

@@ -3,45 +3,45 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
 from rtamt.language import RequirementId
-from rtamt.renamed import OldName
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.paired import LEVEL, Compared, Effect, compared_of, effect_of, holm
-from rtamt_gym.evaluation.replays import refuse_unrepeated
-from rtamt_gym.evaluation.tables import comparison_table
-from rtamt_gym.play.runner import Requirements
-from rtamt_gym.results.codec import document, plain, read_as, read_fields, save
-from rtamt_gym.results.outcome import BY_END
-from rtamt_gym.results.provenance import (
-    ChangedModelError,
-    Provenance,
-    listed,
-    plain_provenance,
-    provenance_of,
+from rtamt_gym.evaluation.paired import (
+    LEVEL,
+    Compared,
+    Effect,
+    compared_of,
+    effect_of,
+    effect_sentence,
+    holm,
+    points,
 )
+from rtamt_gym.evaluation.replays import refuse_unrepeated
+from rtamt_gym.play.runner import Requirements
+from rtamt_gym.results.codec import SavedResult, document, plain, provenance_of, read_fields
+from rtamt_gym.results.outcome import BY_END
+from rtamt_gym.results.provenance import ChangedModelError, Provenance, listed
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.results.warnings import NEVER, evidence_warnings
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.systems.policies import check_name_of_policy
-from rtamt_gym.tables import counted, shorten
+from rtamt_gym.tables import Terminal, counted, p_text, short, shorten
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(SavedResult):
     """Two policies under the same requirements, on the same seeds; `compare` returns it.
 
     ``print`` shows a table and the significant differences. All differences are B minus A.
@@ -69,7 +69,7 @@ class Comparison:
     notes: tuple[str, ...] = ()
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
 
-    of_kept = OldName("from_saved")
+    kind: ClassVar = "comparison"
 
     @property
     def sentence(self) -> str:
@@ -95,42 +95,45 @@ class Comparison:
         return pd.DataFrame([_cells(result) for result in self.results], index=names)
 
     def to_json(self) -> str:
-        """Return the comparison as strict JSON; infinities are ``"inf"`` and ``"-inf"``."""
-        return _written(self)
+        """Return the comparison as strict JSON; infinities are ``"inf"`` and ``"-inf"``.
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text of `to_json` into a file.
-
-        Raises:
-            InputError: If the name does not end in ``.json``.
+        Derived values, such as rates and sentences, are included for other programs.
         """
-        save(self.to_json(), path)
+        stored = {field.name: getattr(self, field.name) for field in fields(self)}
+        del stored["ids"]
+        compared = self.requirements
+        return document(
+            self.kind,
+            {
+                **stored,
+                "requirements": {name: value.formula for name, value in compared.items()},
+                "compared": [_plain_compared(value) for value in compared.values()],
+                "success": _plain_compared(self.success),
+                **plain(Provenance(self.ids)),
+            },
+        )
 
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> Comparison:
-        """Read a file that `save` wrote.
-
-        Raises:
-            InputError: If the file does not hold a comparison.
-        """
-        return read_as(path, "comparison", Comparison.from_saved)
-
-    @staticmethod
-    def from_saved(kept: Mapping[str, Any]) -> Comparison:
+    @classmethod
+    def from_saved(cls, kept: Mapping[str, Any]) -> Self:
         """Return the comparison from the JSON of a result of the kind ``"comparison"``."""
-        return _comparison_of(kept)
+        requirements = [read_fields(Compared, item) for item in kept["compared"]]
+        return cls(
+            kept["system"],
+            kept["a"],
+            kept["b"],
+            tuple(kept["seeds"]),
+            {requirement.name: requirement for requirement in requirements},
+            read_fields(Compared, kept["success"]),
+            None if kept["returns"] is None else read_fields(Effect, kept["returns"]),
+            tuple(kept["notes"]),
+            provenance_of(kept).ids,
+        )
 
     def __repr__(self) -> str:
         return f"<Comparison of {self.a} and {self.b}: {counted(len(self.seeds), 'pair')}>"
 
     def __str__(self) -> str:
-        pairs = counted(len(self.seeds), "pair")
-        heads = [
-            f"A: {self.a}",
-            f"B: {self.b}",
-            f"{self.system}, {pairs} of episodes, seeds {min(self.seeds)} to {max(self.seeds)}",
-        ]
-        return comparison_table(heads, self.results, self.returns, self.notes)
+        return "\n".join(_lines(self))
 
 
 def compare(
@@ -189,11 +192,7 @@ def compare(
 
 
 def _changes(a: Evaluation, b: Evaluation, *, accept_changed: bool) -> list[str]:
-    """Return notes on changes of the environment between two evaluations.
-
-    Raises:
-        InputError: If it changed, and changes are not accepted.
-    """
+    """Return notes on changes of the environment between two evaluations."""
     of_a, of_b = (item.record.provenance.fingerprint for item in (a, b))
     if of_a is None or of_b is None:
         names = " and ".join(n for n, value in (("A", of_a), ("B", of_b)) if value is None)
@@ -404,6 +403,12 @@ def _by_end(row: Trial) -> bool:
     return any(value.by_end for value in row.outcomes.values())
 
 
+def _plain_compared(compared: Compared) -> dict[str, Any]:
+    derived = ("pairs", "rate_a", "rate_b", "difference", "sentence")
+    stored: dict[str, Any] = plain(compared)
+    return stored | {name: getattr(compared, name) for name in derived}
+
+
 def _cells(compared: Compared) -> dict[str, Any]:
     """Return the row of a data frame."""
     low, high = compared.interval
@@ -424,43 +429,56 @@ def _cells(compared: Compared) -> dict[str, Any]:
     return cells
 
 
-def _written(comparison: Comparison) -> str:
-    """Return a comparison as a result of the kind ``"comparison"``.
-
-    Derived values, such as rates and sentences, are included for other programs.
-    """
-    stored = {field.name: getattr(comparison, field.name) for field in fields(comparison)}
-    del stored["ids"]
-    compared = comparison.requirements
-    return document(
-        "comparison",
-        {
-            **stored,
-            "requirements": {name: value.formula for name, value in compared.items()},
-            "compared": [_plain_compared(value) for value in compared.values()],
-            "success": _plain_compared(comparison.success),
-            **plain_provenance(Provenance(comparison.ids)),
-        },
+def _lines(comparison: Comparison) -> Iterator[str]:
+    """Yield the lines of the table of a comparison, of 80 columns."""
+    terminal, results = Terminal(), comparison.results
+    seeds, pairs = comparison.seeds, counted(len(comparison.seeds), "pair")
+    yield terminal.cut(f"A: {comparison.a}")
+    yield terminal.cut(f"B: {comparison.b}")
+    yield terminal.cut(
+        f"{comparison.system}, {pairs} of episodes, seeds {min(seeds)} to {max(seeds)}"
     )
+    yield ""
+    names = ["requirement", "A", "B", "B - A", "95%", "p", "robustness", "95%"]
+    rows = [[result.name, *_texts(result)] for result in results]
+    yield from terminal.table([names, *rows], "<" + ">" * 7)
+    for result in results:
+        yield ""
+        yield from terminal.wrapped(result.sentence)
+    below = []
+    if comparison.returns is not None:
+        below.append(effect_sentence(comparison.returns, "the return"))
+    if len(results) > 1:
+        below.append(
+            f"p: McNemar's exact test, adjusted by Holm's method for {len(results) - 1} "
+            "requirements, but of all at once; intervals are of each alone."
+        )
+    below += [f"note: {note}" for note in comparison.notes]
+    yield from [""] if below else []
+    for text in below:
+        yield from terminal.wrapped(text)
 
 
-def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
-    """Read the result of `_written`."""
-    requirements = [read_fields(Compared, item) for item in kept["compared"]]
-    return Comparison(
-        kept["system"],
-        kept["a"],
-        kept["b"],
-        tuple(kept["seeds"]),
-        {requirement.name: requirement for requirement in requirements},
-        read_fields(Compared, kept["success"]),
-        None if kept["returns"] is None else read_fields(Effect, kept["returns"]),
-        tuple(kept["notes"]),
-        provenance_of(kept).ids,
+def _texts(compared: Compared) -> list[str]:
+    """Return the cells of a requirement."""
+    pairs = compared.pairs
+    rates = (f"{points(rate, pairs)}%" for rate in (compared.rate_a, compared.rate_b))
+    gap, *ends = (
+        _signed(points(item, pairs)) for item in (compared.difference, *compared.interval)
     )
+    p = p_text(compared.adjusted).removeprefix("p ").removeprefix("= ").replace(" ", "")
+    return [*rates, gap, " to ".join(ends), p, *_effect_texts(compared.robustness)]
 
 
-def _plain_compared(compared: Compared) -> dict[str, Any]:
-    derived = ("pairs", "rate_a", "rate_b", "difference", "sentence")
-    fields_of: dict[str, Any] = plain(compared)
-    return fields_of | {name: getattr(compared, name) for name in derived}
+def _effect_texts(effect: Effect | None) -> tuple[str, str]:
+    """Return the cells of an effect: the difference, and its interval."""
+    if effect is None:
+        return "-", "-"
+    low, high = effect.interval
+    known = math.isfinite(low) or math.isfinite(high)
+    ends = f"{_signed(short(low, 2))} to {_signed(short(high, 2))}" if known else "-"
+    return _signed(short(effect.value, 2)), ends
+
+
+def _signed(text: str) -> str:
+    return text if text.startswith("-") or float(text) == 0 else f"+{text}"

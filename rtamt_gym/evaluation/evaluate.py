@@ -306,13 +306,7 @@ def _add(stopping: Stopping, row: Trial) -> bool:
 
 
 class _WorstRuns(NamedTuple):
-    """The worst episodes of each requirement, played again.
-
-    Attributes:
-        runs: The runs by requirement, the worst first.
-        frames: Pictures by seed.
-        differing: The seeds of episodes whose replay differs from the record.
-    """
+    """The worst episodes of each requirement, played again."""
 
     runs: dict[str, tuple[Run, ...]]
     frames: dict[int, tuple[Frame, ...]]

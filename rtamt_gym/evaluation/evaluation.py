@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from base64 import b64decode, b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,20 +28,23 @@ from rtamt_gym.evaluation.replays import (
 )
 from rtamt_gym.play.record import Record
 from rtamt_gym.play.run import Run, plain_run, run_fields
+from rtamt_gym.play.summaries import failures
 from rtamt_gym.results.codec import (
+    SavedResult,
     document,
     fraction_of,
     number_of,
     plain,
     plain_results,
-    read_as,
-    save,
+    provenance_of,
     trials_of,
 )
-from rtamt_gym.results.intervals import IntervalKind
-from rtamt_gym.results.provenance import provenance_of
-from rtamt_gym.results.statistics import SUCCESS, RequirementResult
-from rtamt_gym.tables import counted
+from rtamt_gym.results.intervals import IntervalKind, promise, rate_interval
+from rtamt_gym.results.provenance import reuse_lines
+from rtamt_gym.results.statistics import SUCCESS, RequirementResult, Statistic, columns_of
+from rtamt_gym.results.trial import end_note, open_at_stop
+from rtamt_gym.results.warnings import evidence_lines
+from rtamt_gym.tables import Terminal, counted, short
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
@@ -53,7 +55,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation:
+class Evaluation(SavedResult):
     """How often a policy satisfies requirements; `evaluate_policy` returns it.
 
     Attributes:
@@ -97,8 +99,9 @@ class Evaluation:
     differing: tuple[int, ...] = ()
     _runner: Runner | None = None
 
+    kind: ClassVar = "evaluation"
+
     reading = OldName("evaluation_options")
-    of_kept = OldName("from_saved")
 
     @cached_property
     def requirements(self) -> Mapping[str, RequirementResult]:
@@ -200,31 +203,65 @@ class Evaluation:
     def to_json(self) -> str:
         """Return the evaluation as strict JSON; infinities are ``"inf"`` and ``"-inf"``.
 
-        It contains the worst runs with their samples, explanations and pictures.
+        It contains the worst runs with their samples, explanations and pictures, and derived values
+        for other programs.
         """
-        return _written(self)
+        runs: list[Run] = []
+        places: dict[str, list[int]] = {}
+        for name, worst in self.worst_runs.items():
+            for run in worst:
+                if all(run is not item for item in runs):
+                    runs.append(run)
+            places[name] = [
+                next(i for i, value in enumerate(runs) if value is run) for run in worst
+            ]
+        return document(
+            "evaluation",
+            {
+                **{name: getattr(self, name) for name in _PLAIN},
+                "reading": self.evaluation_options,
+                "repeats": self.repeats,
+                "differing": self.differing,
+                **({} if self.interrupted is None else {"interrupted": self.interrupted}),
+                **plain_results(self.record),
+                "results": {**self.requirements, self.success.name: self.success},
+                "runs": [
+                    _run(run) | {"frames": _frames(self.frames.get(run.seed or 0, ()))}
+                    for run in runs
+                ],
+                "worst_runs": places,
+            },
+        )
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text of `to_json` into a file.
-
-        Raises:
-            InputError: If the name does not end in ``.json``.
-        """
-        save(self.to_json(), path)
-
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> Evaluation:
-        """Read a file that `save` wrote.
-
-        Raises:
-            InputError: If the file does not hold an evaluation.
-        """
-        return read_as(path, "evaluation", Evaluation.from_saved)
-
-    @staticmethod
-    def from_saved(kept: Mapping[str, Any]) -> Evaluation:
+    @classmethod
+    def from_saved(cls, kept: Mapping[str, Any]) -> Self:
         """Return the evaluation from the JSON of a result of the kind ``"evaluation"``."""
-        return _evaluation_of(kept)
+        runs = [Run(**run_fields(item)) for item in kept["runs"]]
+        frames = {
+            item["seed"]: tuple(
+                Frame(number_of(frame["time"]), b64decode(frame["webp"]))
+                for frame in item["frames"]
+            )
+            for item in kept["runs"]
+            if item.get("frames")
+        }
+        worst = kept["worst_runs"]
+        return cls(
+            Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
+            kept["system"],
+            kept["policy"],
+            fraction_of(kept["period"]),
+            number_of(kept["limit"]),
+            kept["seed"],
+            kept["decision"],
+            worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
+            frames=frames,
+            evaluation_options=kept.get("reading"),  # missing in files of older versions
+            interval=_kind_of(kept),
+            repeats=kept.get("repeats"),
+            interrupted=kept.get("interrupted"),
+            differing=tuple(kept.get("differing", ())),
+        )
 
     def __eq__(self, other: object) -> bool:
         """Compare all fields except wall times and the runner."""
@@ -262,8 +299,6 @@ class Evaluation:
         return f"{markup.plain(repr(self)[1:-1])}{markup.table(head, rows)}"
 
     def __str__(self) -> str:
-        from rtamt_gym.evaluation.tables import evaluation_table
-
         return evaluation_table(self)
 
 
@@ -275,68 +310,6 @@ _COMPARED: Final = (
 
 _PLAIN = ("policy", "period", "limit", "seed", "decision")
 """The fields of an evaluation that JSON contains unchanged."""
-
-
-def _written(evaluation: Evaluation) -> str:
-    """Return an evaluation as a result of the kind ``"evaluation"``; `_evaluation_of` reads it.
-
-    Derived values are for other programs; ``_evaluation_of`` computes them again.
-    """
-    runs: list[Run] = []
-    places: dict[str, list[int]] = {}
-    for name, worst in evaluation.worst_runs.items():
-        for run in worst:
-            if all(run is not item for item in runs):
-                runs.append(run)
-        places[name] = [next(i for i, value in enumerate(runs) if value is run) for run in worst]
-    result = plain_results(evaluation.record)
-    every = {**evaluation.requirements, evaluation.success.name: evaluation.success}
-    return document(
-        "evaluation",
-        {
-            **{name: getattr(evaluation, name) for name in _PLAIN},
-            "reading": evaluation.evaluation_options,
-            "repeats": evaluation.repeats,
-            "differing": evaluation.differing,
-            **({} if evaluation.interrupted is None else {"interrupted": evaluation.interrupted}),
-            **result,
-            "results": every,
-            "runs": [
-                _run(run) | {"frames": _frames(evaluation.frames.get(run.seed or 0, ()))}
-                for run in runs
-            ],
-            "worst_runs": places,
-        },
-    )
-
-
-def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
-    """Read the result of `_written`."""
-    runs = [Run(**run_fields(item)) for item in kept["runs"]]
-    frames = {
-        item["seed"]: tuple(
-            Frame(number_of(frame["time"]), b64decode(frame["webp"])) for frame in item["frames"]
-        )
-        for item in kept["runs"]
-        if item.get("frames")
-    }
-    worst = kept["worst_runs"]
-    return Evaluation(
-        Record(trials_of(kept), kept["requirements"], kept["system"], provenance_of(kept)),
-        kept["system"],
-        kept["policy"],
-        fraction_of(kept["period"]),
-        number_of(kept["limit"]),
-        kept["seed"],
-        kept["decision"],
-        worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
-        frames=frames,
-        evaluation_options=kept.get("reading"),  # missing in files of older versions
-        interval=_kind_of(kept),
-        repeats=kept.get("repeats"),
-        interrupted=kept.get("interrupted"),
-        differing=tuple(kept.get("differing", ())),
-    )
 
 
 def _kind_of(kept: Mapping[str, Any]) -> IntervalKind:
@@ -371,3 +344,150 @@ def _deciding(run: Run, name: str) -> dict[str, Any] | None:
         {"predicate": last.text, "sample": last.sample, "time": last.time, "values": values}
     )
     return stored
+
+
+_NAMED: Final = 3
+"""The number of worst episodes that a table names."""
+
+_OPTIONAL: Final = ("cvar", "least")
+"""The columns that a table leaves out if it is too wide; the worst episodes are named below it."""
+
+_NAME_WIDTH: Final = 11
+"""The minimum width of the names of requirements."""
+
+
+def evaluation_table(evaluation: Evaluation) -> str:
+    """Return the table of an evaluation as plain text of 80 columns."""
+    lines = _of_evaluation(evaluation, Terminal())
+    return "\n".join([*lines, *evidence_lines(evaluation.record, "episode")])
+
+
+def show(evaluation: Evaluation) -> None:
+    """Print the table of an evaluation, on a terminal with colours and in its full width.
+
+    The command reports requirements that were never triggered by itself, at its end.
+    """
+    print(*_of_evaluation(evaluation, Terminal.present()), sep="\n")  # noqa: T201 - of the command line
+
+
+def _of_evaluation(evaluation: Evaluation, terminal: Terminal) -> Iterator[str]:
+    results = list(evaluation.requirements.values())
+    if len(results) > 1:
+        results.append(evaluation.success)
+    seeds = [row.seed for row in evaluation.record if row.seed is not None]
+    yield from map(terminal.cut, _heading(evaluation))
+    yield terminal.cut(
+        f"{counted(len(evaluation.record), 'episode')}"
+        + (f", seeds {min(seeds)} to {max(seeds)}" if seeds else "")
+    )
+    yield ""
+    columns = columns_of(results, rates=True)
+    for optional in _OPTIONAL:
+        if _total_width(columns, results) + _NAME_WIDTH > terminal.width:
+            columns = [column for column in columns if column.key != optional]
+    # The name for all at once is short, so that it is never cut.
+    names = ["all" if result is evaluation.success else result.name for result in results]
+    rows = [
+        [name, *(column.cell(value) for column in columns)]
+        for name, value in zip(names, results, strict=True)
+    ]
+    head = ["requirement", *(column.heading for column in columns)]
+    yield from terminal.table([head, *rows], "<" + ">" * len(columns))
+    stopped = {i for name in evaluation.requirements for i in open_at_stop(evaluation.record, name)}
+    at_stop = f" (at the stop in {counted(len(stopped), 'open episode')})" if stopped else ""
+    of_robustness = ", ".join(column.heading for column in columns if column.robustness)
+    yield terminal.cut(f"{of_robustness}: of the robustness{at_stop}")
+    yield terminal.cut(f"95% interval: {promise(evaluation.interval)}")
+    yield from map(terminal.cut, end_note(evaluation.record))
+    yield ""
+    for value in evaluation.requirements.values():
+        name = evaluation.record.provenance.called(value.name)
+        yield terminal.cut(f"{name}: {value.formula}")
+    yield ""
+    unit = "s" if evaluation.period is not None else "steps"
+    lines = [
+        line for value in evaluation.requirements.values() for line in _worst_lines(value, unit)
+    ]
+    yield from map(terminal.cut, (*lines, _around(evaluation)))
+    if evaluation.reported is not None:
+        count, total = evaluation.reported
+        low, high = (100 * end for end in rate_interval(count, total, evaluation.interval))
+        yield from terminal.wrapped(
+            f"is_success of the environment itself: {100 * count / total:.1f}% of "
+            f"{counted(total, 'episode')}, 95% interval {low:.1f} to {high:.1f}"
+        )
+    if evaluation.repeats is False:
+        yield from terminal.wrapped(_unrepeated(evaluation))
+    if evaluation.decision is not None:
+        yield ""
+        for name, decision in evaluation.decision.items():
+            yield from terminal.wrapped(f"{name}: {decision}", _style_of(decision))
+    if lines := failures(evaluation.record):
+        yield ""
+        yield from (line for item in lines for line in terminal.wrapped(item, "red"))
+    reused = reuse_lines(evaluation.record.provenance, "episode")
+    yield from ["", *reused] if reused else []
+
+
+def _unrepeated(evaluation: Evaluation) -> str:
+    """Return why a seed does not repeat an episode."""
+    if evaluation.differing:
+        return (
+            f"note: episode {evaluation.differing[0]} differed when it was played again: the same "
+            "call may give other numbers"
+        )
+    return (
+        "note: two resets with one seed begin differently: the same call plays other episodes, and "
+        "none is played again"
+    )
+
+
+def _heading(evaluation: Evaluation) -> list[str]:
+    lines = [f"{evaluation.system} under {evaluation.policy}"]
+    if evaluation.interrupted is not None:
+        planned = counted(evaluation.interrupted, "episode")
+        lines.append(f"interrupted after {len(evaluation.record)} of {planned}")
+    return lines
+
+
+def _total_width(columns: Sequence[Statistic], results: Sequence[RequirementResult]) -> int:
+    """Return the widths of the columns next to the names."""
+    return sum(
+        2 + max(len(column.heading), *(len(column.cell(result)) for result in results))
+        for column in columns
+    )
+
+
+def _worst_lines(result: RequirementResult, unit: str) -> Iterator[str]:
+    """Yield the worst episodes of a requirement, and when it is violated."""
+    if result.satisfied == result.episodes or not result.worst:
+        return
+    worst = ", ".join(f"{seed} ({short(height)})" for seed, height in result.worst[:_NAMED])
+    yield f"worst seeds of {result.name}: {worst}"
+    times = result.first_violations[~np.isnan(result.first_violations)]
+    if times.size:
+        first, last = short(float(times.min())), short(float(times.max()))
+        if first == last:
+            yield f"  violated at {first} {unit}"
+            return
+        half = short(float(np.median(times)))
+        yield f"  violated from {first} {unit} to {last} {unit}, half of them by {half} {unit}"
+
+
+def _around(evaluation: Evaluation) -> str:
+    """Return a line with the returns, the lengths, and the time that stopping saved."""
+    unit = "s" if evaluation.period is not None else "steps"
+    parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
+    known = evaluation.returns[~np.isnan(evaluation.returns)]
+    if known.size:
+        parts.insert(0, f"return {short(float(np.mean(known)))} on average")
+    if saved := max(value.saved for value in evaluation.requirements.values()):
+        parts.append(f"{short(saved)} {unit} saved by stopping")
+    return ", ".join(parts)
+
+
+def _style_of(decision: str) -> str:
+    for start, style in (("meets", "green"), ("falls short", "red"), ("undecided", "yellow")):
+        if decision.startswith(start):
+            return style
+    return ""

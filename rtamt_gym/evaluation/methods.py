@@ -6,22 +6,21 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from itertools import cycle
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
-from rtamt.renamed import OldName
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import LEVEL, holm
-from rtamt_gym.results.codec import document, read_as, read_fields, save
-from rtamt_gym.results.intervals import check_confidence
+from rtamt_gym.results.codec import SavedResult, document, read_fields
 from rtamt_gym.results.method_scores import (
     Estimate,
     MethodScores,
@@ -34,6 +33,10 @@ from rtamt_gym.results.method_scores import (
 )
 from rtamt_gym.tables import Terminal, counted, p_text
 
+if TYPE_CHECKING:  # matplotlib is optional
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 Floats = NDArray[np.float64]
 
 MethodRuns = ArrayLike | Sequence[Evaluation] | Mapping[str, "ArrayLike | Sequence[Evaluation]"]
@@ -43,9 +46,12 @@ mapping by task."""
 _POINTS: Final = 51
 """The thresholds of performance profiles."""
 
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222")
+"""The palette of Okabe and Ito."""
+
 
 @dataclass(frozen=True, repr=False)
-class MethodComparison:
+class MethodComparison(SavedResult):
     """Learning methods over training seeds; `compare_methods` returns it, and ``print`` shows it.
 
     Attributes:
@@ -70,7 +76,7 @@ class MethodComparison:
     resamples: int
     seed: int
 
-    of_kept = OldName("from_saved")
+    kind: ClassVar = "methods"
 
     @property
     def sentence(self) -> str:
@@ -106,38 +112,20 @@ class MethodComparison:
         """
         try:
             from rtamt_gym import drawing
-            from rtamt_gym.evaluation.method_pictures import draw
         except ModuleNotFoundError as error:
             raise naming_extra(error, "MethodComparison.plot") from error
         drawing.check_format(Path(path))
-        drawing.save(draw(self.methods, self.steps, self.thresholds, self.score), Path(path))
+        drawing.save(_draw(self), Path(path))
 
     def to_json(self) -> str:
         """Return the comparison as strict JSON."""
         stored = {field.name: getattr(self, field.name) for field in fields(self)}
         return document("methods", stored | {"sentence": self.sentence})
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the text of `to_json` into a file.
-
-        Raises:
-            InputError: If the name does not end in ``.json``.
-        """
-        save(self.to_json(), path)
-
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> MethodComparison:
-        """Read a file that `save` wrote.
-
-        Raises:
-            InputError: If the file does not hold a comparison of methods.
-        """
-        return read_as(path, "methods", MethodComparison.from_saved)
-
-    @staticmethod
-    def from_saved(kept: Mapping[str, Any]) -> MethodComparison:
+    @classmethod
+    def from_saved(cls, kept: Mapping[str, Any]) -> Self:
         """Return the comparison from the JSON of a result of the kind ``"methods"``."""
-        return read_fields(MethodComparison, kept)
+        return read_fields(cls, kept)
 
     def __repr__(self) -> str:
         return f"<Comparison of {counted(len(self.methods), 'method')}: {listing(self.methods)}>"
@@ -219,7 +207,8 @@ def compare_methods(
         >>> round(shaped.improvement.value, 2), round(shaped.p, 3)
         (0.98, 0.016)
     """
-    check_confidence(confidence)
+    if not 0 < confidence < 1:
+        raise InputError(f"expected confidence= between 0 and 1, such as 0.95, got {confidence!r}")
     check_count(Argument("resamples"), resamples)
     points = None if steps is None else tuple(map(float, np.asarray(steps).ravel()))
     scores = _scores(runs, points)
@@ -362,3 +351,49 @@ def _tasks(scores: Mapping[str, Mapping[str, Floats]]) -> tuple[str, ...]:
 def _ends(estimate: Estimate) -> str:
     low, high = estimate.interval
     return f"[{low:.3g}, {high:.3g}]"
+
+
+def _draw(comparison: MethodComparison) -> Figure:
+    """Draw the curves of training if there are any, the score of every run, and the profiles."""
+    from matplotlib.figure import Figure
+
+    from rtamt_gym import drawing
+
+    methods, steps, score = comparison.methods, comparison.steps, comparison.score
+    panels = 2 + bool(steps)
+    figure = Figure(figsize=(3.6 * panels + 0.4, 3.3), layout="constrained")
+    *first, runs, profiles = figure.subplots(1, panels)
+    colours = dict(zip(methods, cycle(_COLOURS), strict=False))
+    for ax in first:
+        for name, method in methods.items():
+            _band(ax, steps, method.curve, name, colours[name])
+        drawing.tidy(ax, f"mean {score}")
+        ax.set_xlabel("steps of training", fontsize=9)
+    for index, (name, method) in enumerate(methods.items()):
+        scores = np.sort(np.ravel(method.scores))
+        # Runs next to each other, so that equal runs stay visible.
+        across = index + np.linspace(-0.3, 0.3, len(scores))
+        runs.plot(across, scores, ".", color=colours[name], markersize=4)
+        low, high = method.mean.interval
+        runs.plot([index, index], [low, high], color=colours[name], linewidth=2)
+        runs.plot([index], [method.mean.value], "o", color=colours[name])
+    runs.set_xticks(range(len(methods)), list(methods))
+    drawing.tidy(runs, f"{score} of each run")
+    for name, method in methods.items():
+        _band(profiles, comparison.thresholds, method.profile, name, colours[name])
+    drawing.tidy(profiles, "share of runs above")
+    profiles.set_xlabel(score, fontsize=9)
+    handles, labels = profiles.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _band(
+    ax: Axes, places: Sequence[float], estimates: Sequence[Estimate], name: str, colour: str
+) -> None:
+    """Draw a curve with the intervals of its points."""
+    low, high = np.array([estimate.interval for estimate in estimates]).T
+    ax.plot(
+        places, [estimate.value for estimate in estimates], color=colour, label=name, linewidth=1.6
+    )
+    ax.fill_between(places, low, high, color=colour, alpha=0.18, linewidth=0)

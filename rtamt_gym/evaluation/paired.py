@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt_gym.results.intervals import (
+    CONFIDENCE,
     IntervalKind,
     bootstrap,
-    check_confidence,
     differences,
     median,
     median_interval,
@@ -42,20 +42,11 @@ class Effect:
     pairs: tuple[tuple[float, float], ...]
 
 
-def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect | None:
+def effect_of(first: ArrayLike, second: ArrayLike) -> Effect | None:
     """Return the difference of the second and the first measurements; None without a pair.
 
     Two equal infinities have the difference 0. Swapping both sides reverses the sign, up to the
     random numbers of the bootstrap.
-
-    Example:
-        >>> effect = effect_of([1.0, 2.0, 3.0, 4.0], [2.0, 2.5, 4.0, 4.5])
-        >>> effect.statistic, effect.value, effect.interval
-        ('mean', 0.75, (0.5, 1.0))
-        >>> inf = float("inf")
-        >>> effect = effect_of([inf, 2.0, 3.0], [inf, inf, 3.0])
-        >>> effect.statistic, effect.value, effect.interval
-        ('median', 0.0, (-inf, inf))
     """
     gaps = differences(first, second)
     if not gaps.size:
@@ -63,7 +54,7 @@ def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect |
     both = np.stack([np.asarray(first, float), np.asarray(second, float)], axis=1)
     pairs = tuple((float(a), float(b)) for a, b in both)
     if np.isfinite(gaps).all():
-        return Effect("mean", float(gaps.mean()), bootstrap(gaps, seed=seed), pairs)
+        return Effect("mean", float(gaps.mean()), bootstrap(gaps), pairs)
     return Effect("median", median(gaps), median_interval(gaps), pairs)
 
 
@@ -72,48 +63,28 @@ def mcnemar(only_a: int, only_b: int) -> float:
 
     If the rates are equal, A has half of the episodes with a single success. Without such an
     episode the p-value is 1.
-
-    Example:
-        >>> mcnemar(0, 6), mcnemar(3, 3), mcnemar(0, 0)
-        (0.03125, 1.0, 1.0)
     """
     if only_a + only_b == 0:
         return 1.0
     return float(scipy_stats("mcnemar").binomtest(only_b, only_a + only_b).pvalue)
 
 
-def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of a difference of rates on the same episodes: B's rate minus A's.
+def tango(only_a: int, only_b: int, pairs: int) -> tuple[float, float]:
+    """Return the 95 % interval of a difference of rates on the same episodes: B's rate minus A's.
 
     It contains every difference that the score test does not reject, like the interval of Wilson
     for one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
     proportions for the paired-sample design", Statistics in Medicine 17). Therefore its width is
     above 0 even if A and B agree in all episodes, and it lies within -1 and 1.
-
-    Args:
-        only_a: The number of episodes where only A succeeds.
-        only_b: The number of episodes where only B succeeds.
-        pairs: The number of all episodes; without episodes, the interval is (-1, 1).
-        confidence: How often an interval covers the difference: between 0 and 1.
-
-    Example:
-        >>> low, high = tango(only_a=20, only_b=40, pairs=160)
-        >>> round(low, 3), round(high, 3)
-        (0.031, 0.218)
-        >>> low, high = tango(0, 0, 100)
-        >>> round(low, 3), round(high, 3)
-        (-0.037, 0.037)
     """
-    check_confidence(confidence)
-    low = -_largest(only_b, only_a, pairs, confidence)
-    return low, _largest(only_a, only_b, pairs, confidence)
+    return -_largest(only_b, only_a, pairs), _largest(only_a, only_b, pairs)
 
 
-def _largest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
+def _largest(only_a: int, only_b: int, pairs: int) -> float:
     """Return the largest difference that the score test does not reject."""
     if only_b == pairs:
         return 1.0
-    z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)
+    z = scipy_stats("tango").norm.ppf((1 + CONFIDENCE) / 2)
     from scipy.optimize import brentq
 
     def score(gap: float) -> float:
@@ -136,10 +107,6 @@ def holm(chances: Mapping[str, float]) -> dict[str, float]:
 
     If all adjusted results below 0.05 are called differences, the probability of any wrong one is
     at most 0.05.
-
-    Example:
-        >>> holm({"near": 0.01, "slow": 0.04, "calm": 0.03})
-        {'near': 0.03, 'slow': 0.06, 'calm': 0.06}
     """
     adjusted: dict[str, float] = {}
     largest = 0.0

@@ -24,14 +24,7 @@ _Paths = Mapping[str, tuple[str, ...]]
 
 
 class RecordingPairs(NamedTuple):
-    """Recordings of A and B with the same name.
-
-    Attributes:
-        folders: The folders of A and B below which the names are the same.
-        pairs: The full names in A and B, by the name below the folders, in the order of A.
-        only_a: The names that only A has.
-        only_b: The names that only B has.
-    """
+    """Recordings of A and B with the same name."""
 
     folders: tuple[str, str]
     pairs: Mapping[str, tuple[str, str]]
@@ -47,22 +40,6 @@ def pair_recordings(
     A file with all recordings of its side counts as a folder. Without ``folders``, every folder
     with all recordings of its side is tried. If recordings are left over, smaller folders must not
     have more pairs, or as many if a recording is paired with itself.
-
-    Args:
-        names_a: The names of the recordings of A, such as ``old/run1.csv[car=7]``.
-        names_b: The names of the recordings of B.
-        folders: The folders of A and B; recordings outside have no partner. Default: the only two
-            folders with equal names below.
-
-    Raises:
-        InputError: If a name occurs twice, there are no pairs, different folders have different
-            pairs, or no recording is in the folder.
-
-    Example:
-        >>> pair_recordings(["old/city/1.csv", "old/2.csv"], ["new/city/1.csv"]).pairs
-        {'city/1.csv': ('old/city/1.csv', 'new/city/1.csv')}
-        >>> pair_recordings(["old.csv[car=7]"], ["new.csv[car=7]"]).pairs
-        {'[car=7]': ('old.csv[car=7]', 'new.csv[car=7]')}
     """
     sides = []
     for side, names in (("A", names_a), ("B", names_b)):
@@ -101,12 +78,7 @@ def _option(paired: RecordingPairs) -> str:
 
 
 def _rivals(sides: Sequence[_Paths], paired: RecordingPairs | None) -> list[RecordingPairs]:
-    """Return the best pairs below folders that lack some recordings, if they are as plausible.
-
-    Args:
-        sides: The recordings of A and B.
-        paired: The pairs below folders with all recordings; None without one.
-    """
+    """Return the best pairs below folders that lack some recordings, if they are as plausible."""
     own = frozenset(paired.pairs.values()) if paired else frozenset()
     if paired and not (paired.only_a or paired.only_b):
         return []

@@ -111,25 +111,7 @@ def compare_recordings(
     folders: Sequence[str] | None = None,
     accept_changed: bool = False,
 ) -> RecordingsComparison:
-    """Compare the violations of two sets of recordings, as `match_spans` matches them.
-
-    Args:
-        a: The recordings of release A.
-        b: The recordings of release B.
-        tolerance: Times that differ by at most this much are equal: seconds, or samples of
-            recordings without times. Default: 0.
-        times: ``"recorded"`` compares the recorded times, ``"start"`` the times since the start of
-            each recording. Default: the recorded times, if the result is the same.
-        folders: As for `pair_recordings`.
-        accept_changed: Whether to leave out requirements with a changed text, and to compare
-            recordings although their columns were read with different options. Otherwise, both are
-            an error.
-
-    Raises:
-        InputError: If the evaluations have different options, the texts of a requirement differ,
-            no recording or requirement is in both, two clocks have different results, or the
-            tolerance is longer than every recording.
-    """
+    """Compare the violations of two sets of recordings, as `match_spans` matches them."""
     _check_options(a, b)
     different = list(reading_differences(a, b))
     if different and not accept_changed:
@@ -213,14 +195,7 @@ def _check_options(a: RecordingSet, b: RecordingSet) -> None:
 
 @dataclass(frozen=True, slots=True)
 class RequirementClock:
-    """The times at which a requirement was evaluated on a recording.
-
-    Attributes:
-        begin: The start of the recording; 0 if it has no times.
-        first: The start of the trace of the requirement.
-        last: The last time.
-        step: The duration of the last sample; in dense time as short as possible.
-    """
+    """The times at which a requirement was evaluated on a recording."""
 
     begin: float
     first: float
@@ -255,12 +230,6 @@ def recorded_spans(
 
     Each sample lasts for a period, also the last one. An instant of dense time is a span to the
     next floating-point number.
-
-    Args:
-        body: The occurrences.
-        clock: The times of the recording.
-        shift: The shift, in the unit of the times.
-        satisfied: Whether the recording satisfies the requirement.
     """
     unseen = body.violations.columns["unseen"].tolist()
     return RecordedSpans(
@@ -401,11 +370,7 @@ class _Builder:
         return recorded
 
     def short(self) -> list[str]:
-        """Return a note on recordings that are shorter than the tolerance.
-
-        Raises:
-            InputError: If all recordings are shorter.
-        """
+        """Return a note on recordings that are shorter than the tolerance."""
         longest = max(map(max, self._lengths.values()), default=math.inf)
         short = [name for name, lengths in self._lengths.items() if self.tolerance > min(lengths)]
         pairs = [pair for both in self._outcomes.values() for pair in both]

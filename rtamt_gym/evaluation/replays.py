@@ -77,12 +77,7 @@ def tell_unrepeated(name: str, seed: int) -> None:
 
 
 def difference(row: Trial, run: Run) -> str:
-    """Return the first requirement with a different replay, or an empty string.
-
-    Args:
-        row: The recorded episode.
-        run: The replay with the same seed and the same stop.
-    """
+    """Return the first requirement with a different replay, or an empty string."""
     for name, outcome in row.outcomes.items():
         history = run.histories[name]
         same = math.isclose(history.final, outcome.robustness, rel_tol=_ROUNDING) or (
@@ -114,14 +109,7 @@ def refuse_unrepeated(name: str) -> NoReturn:
 
 
 def alike(a: Any, b: Any) -> bool:  # noqa: ANN401 - observations of any space
-    """Return whether two observations are equal; nan equals nan.
-
-    Example:
-        >>> alike({"x": np.array([1.0, np.nan])}, {"x": np.array([1.0, np.nan])})
-        True
-        >>> alike((1, "a"), (1, "b"))
-        False
-    """
+    """Return whether two observations are equal; nan equals nan."""
     if isinstance(a, Mapping):
         return isinstance(b, Mapping) and a.keys() == b.keys() and all(alike(a[n], b[n]) for n in a)
     if isinstance(a, list | tuple):
@@ -154,13 +142,6 @@ class Film:
     """Pictures of an episode of unknown length, evenly spread and at chosen steps.
 
     If there are too many, it drops half of them. ``expected`` is the minimum number of states.
-
-    Example:
-        >>> film = Film(lambda: b"", chosen=[25], expected=10)
-        >>> for _ in range(60):
-        ...     film.look()
-        >>> list(film.pictures)
-        [0, 4, 8, 12, 16, 20, 24, 25, 28, 32, 36, 40, 44, 48, 52, 56]
     """
 
     def __init__(self, take: Callable[[], bytes], chosen: Iterable[int], expected: int) -> None:

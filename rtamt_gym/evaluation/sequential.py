@@ -8,19 +8,39 @@ the answers of all requirements.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from typing import Final
 
 from rtamt import InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_number
-from rtamt_gym.results.intervals import IntervalKind, check_confidence, rate_interval
+from rtamt_gym.results.intervals import IntervalKind, rate_interval
 
 MARGIN: Final = 0.05
 """How far below the target a rate must be rejected, by default."""
 
 
-class Width:
+class Rule(ABC):
+    """A rule that decides when the outcomes of one requirement suffice."""
+
+    decision: str | None = None
+    episodes = 0  # up to the decision
+    satisfied = 0
+
+    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
+        """Take the outcome of the next episode; after the answer nothing changes any more."""
+        if self.decision is None:
+            self.episodes += 1
+            self.satisfied += bool(satisfied)
+            self.decision = self._answer()
+
+    @abstractmethod
+    def _answer(self) -> str | None:
+        """Return the decision, if the outcomes suffice."""
+
+
+class Width(Rule):
     """A rule that stops at the first episode with an interval of at most this width.
 
     The number of episodes depends on the rate: with exact intervals ``until_width=0.05`` takes 1574
@@ -31,46 +51,18 @@ class Width:
     95 % interval at the stop covers the true rate in 96.0 % of all cases on average and in 94.5 %
     at the worst rate for ``until_width=0.1``, and in 96.8 % and 94.2 % for 0.2. The interval of
     Wilson covers it in 95.2 % and 93.3 %, and in 95.4 % and 92.8 %.
-
-    Attributes:
-        decision: ``"known to 0.05"``; None as long as the interval is wider.
-        episodes: The number of outcomes up to the answer.
-        satisfied: The number of satisfied outcomes up to the answer.
-
-    Raises:
-        InputError: If ``until_width`` is not above 0 and at most 1.
-
-    Example:
-        >>> rule = Width(0.2)
-        >>> while rule.decision is None:
-        ...     rule.add(satisfied=True)
-        >>> rule.decision, rule.episodes
-        ('known to 0.2', 17)
     """
 
-    def __init__(
-        self, until_width: float, confidence: float = 0.95, *, kind: IntervalKind = "exact"
-    ) -> None:
+    def __init__(self, until_width: float, *, kind: IntervalKind = "exact") -> None:
         self._width = check_number("until_width", until_width, high=1.0)
-        check_confidence(confidence)
         self._kind = kind
-        self._confidence = confidence
-        self.decision: str | None = None
-        self.episodes = 0
-        self.satisfied = 0
 
-    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Take the outcome of the next episode; after the answer nothing changes any more."""
-        if self.decision is not None:
-            return
-        self.episodes += 1
-        self.satisfied += bool(satisfied)
-        low, high = rate_interval(self.satisfied, self.episodes, self._kind, self._confidence)
-        if high - low <= self._width:
-            self.decision = f"known to {self._width:g}"
+    def _answer(self) -> str | None:
+        low, high = rate_interval(self.satisfied, self.episodes, self._kind)
+        return f"known to {self._width:g}" if high - low <= self._width else None
 
 
-class RatioTest:
+class RatioTest(Rule):
     """A rule that decides whether a rate meets a target: the probability ratio test of Wald.
 
     It decides between two claims: the rate is at least ``target``, or at most ``target - margin``.
@@ -84,27 +76,6 @@ class RatioTest:
     Statistics 16); his own bounds, ``(1 - alpha) / alpha``, limit only the sum of the errors.
 
     With ``target=1`` a single episode that is not satisfied decides that the rate falls short.
-
-    Args:
-        target: The rate to meet: above 0 and at most 1.
-        alpha: The maximum probability of each wrong answer, above 0 and below 0.5.
-        margin: The distance of the two claims, above 0 and below ``target``. Half the margin takes
-            about four times as many episodes.
-
-    Attributes:
-        decision: ``"meets 0.95"`` or ``"falls short of 0.95"``; None before the answer.
-        episodes: The number of outcomes up to the answer.
-        satisfied: The number of satisfied outcomes up to the answer.
-
-    Raises:
-        InputError: If a number is out of its range.
-
-    Example:
-        >>> rule = RatioTest(target=0.95, alpha=0.05, margin=0.05)
-        >>> while rule.decision is None:
-        ...     rule.add(satisfied=True)
-        >>> rule.decision, rule.episodes
-        ('meets 0.95', 56)
     """
 
     def __init__(self, target: float, alpha: float = 0.05, margin: float = MARGIN) -> None:
@@ -125,27 +96,14 @@ class RatioTest:
         self._bound = -math.log(alpha)
         self._gain = math.log(target / too_low)
         self._loss = math.log((1 - too_low) / (1 - target)) if target < 1 else math.inf
-        self.decision: str | None = None
-        self.episodes = 0
-        self.satisfied = 0
 
-    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
-        """Take the outcome of the next episode; after the answer nothing changes any more."""
-        if self.decision is not None:
-            return
-        self.episodes += 1
-        self.satisfied += bool(satisfied)
+    def _answer(self) -> str | None:
         others = self.episodes - self.satisfied
         # Computed from the counts, not as a sum, so that equal counts give equal answers.
         ratio = self.satisfied * self._gain - (others * self._loss if others else 0.0)
         if ratio >= self._bound:
-            self.decision = f"meets {self._target:g}"
-        elif ratio <= -self._bound:
-            self.decision = f"falls short of {self._target:g}"
-
-
-Rule = Width | RatioTest
-"""A rule that decides when the outcomes of one requirement suffice."""
+            return f"meets {self._target:g}"
+        return f"falls short of {self._target:g}" if ratio <= -self._bound else None
 
 
 class Stopping:
@@ -153,16 +111,6 @@ class Stopping:
 
     A requirement keeps its first answer. The probabilities of errors hold for each requirement, not
     for all together.
-
-    Attributes:
-        episodes: The number of episodes so far.
-
-    Example:
-        >>> both = Stopping({"near": RatioTest(0.9), "slow": RatioTest(0.9)})
-        >>> while not both.done:
-        ...     both.add({"near": True, "slow": False})
-        >>> dict(both.decisions), both.episodes
-        ({'near': 'meets 0.9', 'slow': 'falls short of 0.9'}, 53)
     """
 
     def __init__(self, rules: Mapping[str, Rule]) -> None:
@@ -197,15 +145,7 @@ def stopping_of(
     margin: float = MARGIN,
     interval: IntervalKind = "exact",
 ) -> Stopping | None:
-    """Return the stopping rules that the arguments of an evaluation set, or None.
-
-    Raises:
-        InputError: If both kinds are set, or as `Width` and `RatioTest` do.
-
-    Example:
-        >>> stopping_of(["near"], target=0.9).decisions
-        {'near': 'undecided after 0'}
-    """
+    """Return the stopping rules that the arguments of an evaluation set, or None."""
     if until_width is not None and target is not None:
         raise InputError(
             "expected one rule, got ",

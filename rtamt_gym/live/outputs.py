@@ -101,15 +101,6 @@ class ViewerOutput:
     """The viewer of Rerun in a browser, which reads a pipe.
 
     A pipe shows how much data waits; a connection of Rerun blocks its sender when the viewer stops.
-
-    Args:
-        ports: The ports of the page and of the data; None: free ports.
-
-    Attributes:
-        address: The address of the page.
-
-    Raises:
-        StateError: If the viewer does not start.
     """
 
     def __init__(self, ports: tuple[int, int] | None) -> None:

@@ -50,19 +50,6 @@ class Track:
     """Collects the samples of one trace after the other; the view sends them.
 
     Appending to a deque needs no lock, so a sample never waits for the thread that sends.
-
-    Args:
-        prefix: The entity above all others of the track; may be empty.
-        signals: The names of the values of a sample.
-        requirements: The names of the requirements.
-        period: Seconds between samples; None if they have no time.
-        send: Sends all waiting samples.
-
-    Attributes:
-        rows: Sample, time, episode, the values, then the curves of each requirement.
-        sample_count: The number of samples so far, over all episodes.
-        samples: The number of samples of the episode so far.
-        episode: The number of the episode, from 1; 0 before the first.
     """
 
     def __init__(
@@ -128,14 +115,7 @@ class Track:
         verdicts: Sequence[Verdict] | None,
         place: tuple[float, float] | None = None,
     ) -> None:
-        """Take a sample with values that the caller has read from the monitors.
-
-        Args:
-            values: The values of the signals.
-            curves: Robustness, lower and upper bound of each requirement.
-            verdicts: The verdict of each requirement; None: the caller logs them.
-            place: Number and time of the sample. Default: one period after the previous sample.
-        """
+        """Take a sample with values that the caller has read from the monitors."""
         if not self._running:
             self._start()
         self._add(values, curves, place)

@@ -29,6 +29,7 @@ from rtamt_gym.play.record import (
     parts,
     read_campaign,
 )
+from rtamt_gym.results.codec import plain, read_fields
 from rtamt_gym.results.provenance import Fingerprint, Mixture, Reuse, check_unchanged
 from rtamt_gym.results.trial import Trial
 
@@ -102,8 +103,8 @@ class Folder(LockedFolder):
             "requirements": dict(requirements),
             "also": about,
             "identity": identity,
-            "fingerprint": (fingerprint if stored is None else stored).plain(),
-            "mixtures": list(map(Mixture.plain, self._mixtures)),
+            "fingerprint": plain(fingerprint if stored is None else stored),
+            "mixtures": plain(self._mixtures),
         }
         text = json.dumps(description, indent=1) + "\n"
         self.path.mkdir(parents=True, exist_ok=True)
@@ -180,7 +181,7 @@ class Folder(LockedFolder):
     def _compare(self, *, accept_changed: bool) -> Fingerprint | None:
         """Return the stored fingerprint if it is unchanged; None if the new one must be stored."""
         stored, now = read_campaign(self.path), self._fingerprint
-        self._mixtures = tuple(map(Mixture.read, stored.get("mixtures", ())))
+        self._mixtures = tuple(read_fields(Mixture, item) for item in stored.get("mixtures", ()))
         then = Fingerprint.read(stored.get("fingerprint"))
         changes = [] if then is None else then.changes(now)
         if then is not None and not changes:

@@ -25,7 +25,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case, Waveform
 from rtamt_gym.inputs.space import Parameter, Signal, Space
-from rtamt_gym.results.codec import plain_results
+from rtamt_gym.results.codec import plain, plain_results, provenance_of, read_fields
 from rtamt_gym.results.outcome import order
 from rtamt_gym.results.provenance import (
     Fingerprint,
@@ -33,10 +33,8 @@ from rtamt_gym.results.provenance import (
     Provenance,
     Reuse,
     file_hash,
-    plain_provenance,
-    provenance_of,
 )
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.statistics import Results
 from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Measure, Trial
 from rtamt_gym.tables import counted
 
@@ -256,7 +254,7 @@ class Record(Results):
             "unconditional": self.without_implications,
             "results": plain_results(self, rates=not self.has_cases)["results"],
             "also": also,
-            **plain_provenance(self.provenance),
+            **plain(self.provenance),
         }
         types = {"number": pa.float64(), "whole": pa.int64(), "text": pa.string()}
         columns, kinds = self.columns(), self.kinds()
@@ -335,11 +333,11 @@ def load_record(path: Path, caller: str) -> tuple[list[Trial], dict[str, Any]]:
     if path.is_dir():
         finished_rows, campaign = finished(path, caller), read_campaign(path)
         unseen = tuple(campaign.get("fingerprint", {}).get("unseen", ()))
-        mixtures = tuple(map(Mixture.read, campaign.get("mixtures", ())))
+        mixtures = tuple(read_fields(Mixture, item) for item in campaign.get("mixtures", ()))
         count = len(finished_rows)
         reuse = Reuse(str(path), count, count, mixtures, (), unseen)
         rows = [finished_rows[number] for number in sorted(finished_rows)]
-        return rows, {**campaign, "reuse": reuse.plain()}
+        return rows, {**campaign, "reuse": plain(reuse)}
     try:
         table = parquet.read_table(path)
     except pa.ArrowInvalid as error:
@@ -435,7 +433,7 @@ def read_campaign(path: Path) -> dict[str, Any]:
             raise InputError(f"{file} is damaged: expected an object with {key!r}; {_OTHER}")
     try:
         Fingerprint.read(campaign.get("fingerprint"))
-        list(map(Mixture.read, campaign.get("mixtures", ())))
+        [read_fields(Mixture, item) for item in campaign.get("mixtures", ())]
     except (InputError, KeyError, TypeError) as error:
         raise InputError(
             f"{file} is damaged: expected a fingerprint and mixtures; {_OTHER}"

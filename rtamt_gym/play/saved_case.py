@@ -23,7 +23,7 @@ from rtamt_gym.options.evaluation import names_for
 from rtamt_gym.play.run import Run
 from rtamt_gym.play.runner import Runner
 from rtamt_gym.play.simulate import simulate
-from rtamt_gym.results.codec import check_name, document, read_as
+from rtamt_gym.results.codec import check_name, document, plain, read_as
 from rtamt_gym.results.outcome import violated_by_end
 from rtamt_gym.results.provenance import Fingerprint, check_unchanged, versions_in_use
 from rtamt_gym.results.trial import Trial
@@ -251,7 +251,7 @@ class SavedCase:
                 **({"by_end": True} if violated_by_end(self.verdict, self.robustness) else {}),
             },
             "versions": dict(self.versions),
-            **({} if self.fingerprint is None else {"fingerprint": self.fingerprint.plain()}),
+            **({} if self.fingerprint is None else {"fingerprint": plain(self.fingerprint)}),
         }
         return document("case", content) + "\n"
 

@@ -18,8 +18,7 @@ from rtamt_gym.play.run import Run
 from rtamt_gym.results.codec import document, plain_results, plain_trial
 from rtamt_gym.results.matrix import times_text
 from rtamt_gym.results.provenance import Provenance
-from rtamt_gym.results.statistics import columns_of
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.statistics import Results, columns_of
 from rtamt_gym.results.trial import STOPPED, Trial, end_note
 from rtamt_gym.tables import counted, number, sample_text, shorten, table
 

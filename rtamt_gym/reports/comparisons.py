@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import PurePath
 
 from rtamt.language import RequirementId
@@ -12,12 +13,10 @@ from rtamt_gym.evaluation.comparison import Comparison
 from rtamt_gym.evaluation.methods import MethodComparison
 from rtamt_gym.evaluation.paired import Compared
 from rtamt_gym.evaluation.recording_changes import (
+    HEADINGS,
     ChangedRequirement,
     RecordingsComparison,
     ViolationChange,
-)
-from rtamt_gym.evaluation.recording_tables import (
-    HEADINGS,
     clock_text,
     columns_of,
     comparison_warnings,
@@ -25,6 +24,7 @@ from rtamt_gym.evaluation.recording_tables import (
 from rtamt_gym.reports.episodes import in_words_of
 from rtamt_gym.reports.figures import Curve, curves_figure, pairs_figure
 from rtamt_gym.reports.model import (
+    TRIALS,
     Cell,
     Column,
     Facts,
@@ -34,10 +34,9 @@ from rtamt_gym.reports.model import (
     Section,
     Table,
     Text,
-    plain,
 )
 from rtamt_gym.reports.numbers import number, percent, rounded, six
-from rtamt_gym.reports.requirements import TRIALS
+from rtamt_gym.results.codec import plain
 from rtamt_gym.results.method_scores import Estimate, MethodScores
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.statistics import SUCCESS
@@ -76,30 +75,49 @@ def of_comparison(comparison: Comparison) -> Section:
 
 
 def _compared(compared: Compared, identity: RequirementId | None) -> Requirement:
-    """Return one requirement under two policies; at most 500 pairs are drawn."""
-    effect, together = compared.robustness, compared.name == SUCCESS
-    pairs = [] if effect is None else sorted(effect.pairs)
-    step = max(1, -(-len(pairs) // TRIALS))
-    rates = compared.rate_a, compared.rate_b
+    """Return one requirement under two policies."""
     words = f"every requirement of the {counted(compared.pairs, 'pair')} at once"
-    return Requirement(
-        name=compared.name,
-        words=words if together else in_words_of(compared.formula, 1),
-        formula=compared.formula,
-        rate=compared.difference,
-        interval=compared.interval,
-        legend="A {} %, B {} %".format(*map(percent, rates)),
-        blocks=(Text(compared.sentence, "sentence"), rates_table(compared)),
-        figures=(
-            pairs_table(compared),
-            *pairs_figure([(six(a), six(b)) for a, b in pairs[::step]]),
-        ),
+    together = compared.name == SUCCESS
+    return replace(
+        _requirement_of(compared, words if together else in_words_of(compared.formula, 1)),
         id=identity,
         together=together,
     )
 
 
-def rates_table(compared: Compared) -> Table:
+def _requirement_of(
+    compared: Compared,
+    words: str,
+    noun: str = "episode",
+    legend: str = "",
+    changes: Sequence[Table | Text] = (),
+    figures: Sequence[Figure] = (),
+) -> Requirement:
+    """Return a requirement in pairs of A and B; at most 500 pairs are drawn."""
+    pairs = () if compared.robustness is None else sorted(compared.robustness.pairs)
+    step = max(1, -(-len(pairs) // TRIALS))
+    rates = percent(compared.rate_a), percent(compared.rate_b)
+    return Requirement(
+        name=compared.name,
+        words=words,
+        formula=compared.formula,
+        rate=compared.difference,
+        interval=compared.interval,
+        legend=f"{legend}A {rates[0]} %, B {rates[1]} %",
+        blocks=(
+            Text(compared.sentence_of(noun), "sentence"),
+            _rates_table(compared),
+            *changes,
+        ),
+        figures=(
+            *figures,
+            _pairs_table(compared, noun),
+            *pairs_figure([(six(a), six(b)) for a, b in pairs[::step]]),
+        ),
+    )
+
+
+def _rates_table(compared: Compared) -> Table:
     """Return the table of the rates of A and B, and their difference."""
     rows = []
     for side, rate, (low, high) in (
@@ -121,7 +139,7 @@ def rates_table(compared: Compared) -> Table:
     return Table(head, tuple(rows), f"Rates of {compared.name}", style="rates")
 
 
-def pairs_table(compared: Compared, noun: str = "episode") -> Table:
+def _pairs_table(compared: Compared, noun: str) -> Table:
     """Return the table of the pairs that satisfy a requirement under A and under B."""
     counts = {
         "A satisfies": (compared.both, compared.only_a),
@@ -247,7 +265,7 @@ def of_recordings(comparison: RecordingsComparison) -> Section:
         lead=Text(f"A: {comparison.a}. B: {comparison.b}. {verdict}.", "words"),
         blocks=(Text(f"{clock_text(comparison)}.", "sentence"), _counts(comparison)),
         requirements=tuple(
-            _requirement(comparison, name, item) for name, item in comparison.requirements.items()
+            _changed(comparison, name, item) for name, item in comparison.requirements.items()
         ),
     )
 
@@ -275,35 +293,18 @@ def _counts(comparison: RecordingsComparison) -> Table:
     return Table(head, tuple(rows), "Violations of A and B", "Violations of A and B")
 
 
-def _requirement(
-    comparison: RecordingsComparison, name: str, item: ChangedRequirement
-) -> Requirement:
-    compared = item.compared
+def _changed(comparison: RecordingsComparison, name: str, item: ChangedRequirement) -> Requirement:
     rows = [row for row in comparison.changes if row.requirement == name]
-    known = compared.robustness.pairs if compared.robustness is not None else ()
-    step = max(1, -(-len(known) // TRIALS))
-    drawn = [(six(a), six(b)) for a, b in sorted(known)[::step]]
-    rates = (percent(rate) for rate in (compared.rate_a, compared.rate_b))
     counts = [f"{item.statuses[word]} {word}" for word in ("new", "longer", "gone", "moved")]
-    return Requirement(
-        name=name,
-        words=in_words_of(compared.formula, 1 if item.unit == "s" else None),
-        formula=compared.formula,
-        rate=compared.difference,
-        interval=compared.interval,
-        legend="{}; satisfied: A {} %, B {} %".format(", ".join(counts), *rates),
-        blocks=(
-            Text(compared.sentence_of("recording"), "sentence"),
-            rates_table(compared),
-            *_changes(rows, item.unit),
-        ),
-        figures=(
-            *_timeline(rows, item.unit, comparison.shifts),
-            pairs_table(compared, "recording"),
-            *pairs_figure(drawn),
-        ),
-        id=comparison.ids.get(name),
+    requirement = _requirement_of(
+        item.compared,
+        in_words_of(item.compared.formula, 1 if item.unit == "s" else None),
+        "recording",
+        f"{', '.join(counts)}; satisfied: ",
+        _changes(rows, item.unit),
+        _timeline(rows, item.unit, comparison.shifts),
     )
+    return replace(requirement, name=name, id=comparison.ids.get(name))
 
 
 def _changes(rows: Sequence[ViolationChange], unit: str) -> list[Table | Text]:

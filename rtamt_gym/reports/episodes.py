@@ -27,20 +27,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedEpisode:
-    """The samples of an episode and the outcome of a requirement in it.
-
-    Attributes:
-        label: The label of the episode.
-        spec: The requirement, in the form that must hold at the first sample.
-        interface: The semantics, as arguments of `rtamt.evaluate`.
-        signals: The values of each variable and of each further signal.
-        times: The time of each sample.
-        period: Seconds between samples, or None.
-        align: How bounds were rounded.
-        outcome: The outcome of the requirement.
-        curves: Its robustness, lower and upper bound at every sample; empty if unknown.
-        first: The number of the first sample in its episode.
-    """
+    """The samples of an episode and the outcome of a requirement in it."""
 
     label: str
     spec: Specification
@@ -164,8 +151,7 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
         curves={key: getattr(history, key) for key in ("robustness", "lower", "upper")},
         first=run.first_sample,
     )
-    also = {"seed": run.seed, "case": case_texts(run.case or {}), "of_instant": step}
-    return played.episode(room, episodes, **also)
+    return played.episode(room, episodes, case=case_texts(run.case or {}), of_instant=step)
 
 
 def rounded_moment(moment: Moment) -> Moment:

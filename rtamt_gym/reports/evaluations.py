@@ -16,9 +16,7 @@ from rtamt_gym.reports.model import Picture, Requirement, Section, ShownEpisode
 from rtamt_gym.reports.numbers import six
 from rtamt_gym.reports.requirements import (
     at_stop,
-    judged,
     made_of,
-    requirement_of,
     reuse_notes,
     trials_of,
 )
@@ -41,12 +39,7 @@ _ANSWERS: Final[Mapping[str, Word]] = {
 
 
 def of_evaluation(evaluation: Evaluation, room: int) -> Section:
-    """Return the section of an evaluation.
-
-    Args:
-        evaluation: The evaluation.
-        room: The maximum count of numbers in all its episodes.
-    """
+    """Return the section of an evaluation."""
     unit = _unit(evaluation)
     names = list(evaluation.requirements)
     episodes = sum(len(runs) for runs in evaluation.worst_runs.values())
@@ -102,13 +95,12 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
     runs = evaluation.worst_runs.get(name, ())
     unit = runs[0].histories[name].unit if runs else "s"
     step = bool(runs) and runs[0].view == "step"
-    return requirement_of(
+    return Requirement(
         name,
         in_words_of(result.formula, evaluation.period, unit=unit, step=step),
         result.formula,
-        trials_of(evaluation.record, judged(evaluation.record, name)),
-        [_episode(evaluation, run, name, room, episodes) for run in runs],
-        unit=_unit(evaluation),
+        trials_of(evaluation.record, evaluation.record.outcomes(name)),
+        worst=tuple(_episode(evaluation, run, name, room, episodes) for run in runs),
         rate=result.rate,
         interval=result.interval,
         id=evaluation.record.provenance.ids.get(name),
@@ -150,12 +142,11 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
 def _success(evaluation: Evaluation) -> Requirement:
     """Return the requirement that stands for all requirements."""
     result = evaluation.success
-    return requirement_of(
+    return Requirement(
         SUCCESS,
         "every requirement of this evaluation is satisfied in one and the same episode",
         result.formula,
         trials_of(evaluation.record, evaluation.record.together()),
-        unit=_unit(evaluation),
         rate=result.rate,
         interval=result.interval,
         together=True,

@@ -51,10 +51,6 @@ def with_examples(
     """Return the sections with examples next to their requirements.
 
     Examples belong to a requirement with the same formula, under any name.
-
-    Raises:
-        InputError: If a file holds no examples, or none of its formulas is a requirement.
-        OSError: If the file does not exist.
     """
     shown = [requirement for section in sections for requirement in section.requirements]
     texts = {item.formula for item in shown if item.formula}
@@ -101,11 +97,7 @@ def _of_others(
 
 
 def _read(source: ExamplesLike) -> Iterator[_Known]:
-    """Yield the examples of each requirement.
-
-    Raises:
-        InputError: If a file holds no examples.
-    """
+    """Yield the examples of each requirement."""
     if isinstance(source, Mapping):
         for name, result in source.items():
             if not isinstance(result, RequirementExamples):

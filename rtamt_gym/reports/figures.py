@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -21,15 +21,16 @@ from rtamt_gym.reports.model import (
     Cell,
     Column,
     Figure,
-    Requirement,
     Row,
     ShownEpisode,
     ShownSeries,
     Table,
+    TrialRow,
     numbers_table,
-    plain,
 )
-from rtamt_gym.reports.numbers import aligned, number, percent, six, time
+from rtamt_gym.reports.numbers import aligned, evenly, number, percent, six, spaced, time
+from rtamt_gym.results.codec import plain
+from rtamt_gym.results.intervals import quantiles
 from rtamt_gym.results.outcome import BY_END, Word
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
@@ -37,15 +38,7 @@ from rtamt_gym.tables import counted
 
 @dataclass(slots=True)
 class Bins:
-    """Counts of numbers in intervals of one width, with an edge at zero.
-
-    Attributes:
-        width: The width of an interval.
-        first: The number of the first interval; number 0 begins at zero.
-        counts: How many are in each interval, from the first on.
-        below: How many are minus infinity.
-        above: How many are infinity.
-    """
+    """Counts of numbers in intervals of one width, with an edge at zero."""
 
     width: float
     first: int = 0
@@ -96,20 +89,26 @@ def _place(value: float, width: float) -> int:
     return max(math.floor(value / width + 1e-9), 0)
 
 
-def trial_figures(requirement: Requirement, noun: str, unit: str) -> list[Figure]:
+def trial_figures(trials: Sequence[TrialRow], noun: str, unit: str) -> list[Figure]:
     """Return the histogram of the robustness and the times of violations, if there are any."""
     figures = []
-    if requirement.robustness:
-        figures.append(_histogram(requirement, noun))
-    if requirement.first_violations and len(requirement.trials) > 1:
-        figures.append(_violation_times(requirement, noun, unit))
+    if any(trial.robustness is not None for trial in trials):
+        figures.append(_histogram(trials, noun))
+    if len(trials) > 1 and any(trial.violated_at is not None for trial in trials):
+        figures.append(_violation_times(trials, noun, unit))
     return figures
 
 
-def _histogram(requirement: Requirement, noun: str) -> Figure:
-    values, words = requirement.robustness, requirement.verdicts
+_MOST: Final = 1000
+"""The maximum number of values in a distribution."""
+
+
+def _histogram(trials: Sequence[TrialRow], noun: str) -> Figure:
+    known = [(t.robustness, t.verdict) for t in trials if t.robustness is not None]
+    known.sort(key=lambda pair: (pair[0], get_args(Word).index(pair[1])))
+    pairs = spaced(known, _MOST)
+    values, words = [value for value, _ in pairs], [word for _, word in pairs]
     result = bins(values)
-    pairs = list(zip(values, words, strict=True))
     places = Counter((w, _place(v, result.width)) for v, w in pairs if abs(v) <= _LARGEST)
     numbers = range(result.first, result.first + len(result.counts))
     counts = {word: [places[word, i] for i in numbers] for word in WORDS}
@@ -130,9 +129,11 @@ def _histogram(requirement: Requirement, noun: str) -> Figure:
     negative = sum(math.copysign(1.0, value) < 0 for value in values)
     undecided = words.count("undecided")
     open_ = f", {undecided} undecided" if undecided else ""
-    low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
-    they = "it" if requirement.by_end == 1 else "they"
-    by_end = f", {requirement.by_end} violated by how {they} ended" if requirement.by_end else ""
+    quartiles = quantiles([value for value, _ in known], (0.25, 0.5, 0.75))
+    low, middle, high = (number(six(value)) for value in quartiles.values())
+    ended = sum(word == "violated" and math.copysign(1.0, value) > 0 for value, word in known)
+    they = "it" if ended == 1 else "they"
+    by_end = f", {ended} violated by how {they} ended" if ended else ""
     parts = [
         f"{negative} of {counted(len(values), noun)} below zero{by_end}{open_}.",
         f"Median {middle}, middle half {low} to {high}.",
@@ -156,9 +157,10 @@ def _histogram(requirement: Requirement, noun: str) -> Figure:
     )
 
 
-def _violation_times(requirement: Requirement, noun: str, unit: str) -> Figure:
-    times = requirement.first_violations
-    episodes = requirement.counts.episodes
+def _violation_times(trials: Sequence[TrialRow], noun: str, unit: str) -> Figure:
+    moments = [trial.violated_at for trial in trials if trial.violated_at is not None]
+    times = evenly(sorted(moment.time or 0.0 for moment in moments), _MOST)
+    episodes = len(trials)
     total = counted(episodes, noun)
     summary = (
         f"{len(times)} of {total} certainly violated: the first at {time(times[0], unit)}, half of "
@@ -186,15 +188,7 @@ def convergence_figure(
     verdicts: Sequence[Word],
     minima: Sequence[float | None],
 ) -> Figure:
-    """Return the chart of the robustness over the simulations of a search.
-
-    Args:
-        name: The name of the requirement.
-        simulations: The numbers of the simulations, from 1.
-        robustness: The robustness of each; None where it failed.
-        verdicts: The outcome of the requirement in each.
-        minima: The minimum up to each; None before the first.
-    """
+    """Return the chart of the robustness over the simulations of a search."""
     steps = [
         (n, value)
         for i, (n, value) in enumerate(zip(simulations, minima, strict=True))
@@ -239,16 +233,7 @@ def map_figure(
     *,
     folded: bool,
 ) -> Figure:
-    """Return the map of the robustness over a grid of two columns.
-
-    Args:
-        name: The name of the requirement.
-        axes: The columns to the right and upwards, with their units.
-        places: The numbers of each, increasing.
-        cells: A row for each number upwards; None where the simulation failed.
-        verdicts: The worst word of each cell.
-        folded: Whether a cell is the minimum of several simulations.
-    """
+    """Return the map of the robustness over a grid of two columns."""
     (x, y), (xs, ys) = axes, places
     every = [value for row in cells for value in row]
     words = [word for row in verdicts for word in row]
@@ -282,13 +267,7 @@ def map_figure(
 
 
 def cases_figure(cases: Mapping[str, Any], name: str, left_out: int) -> Figure:
-    """Return the chart of the robustness over the columns that vary.
-
-    Args:
-        cases: `rtamt_gym.reports.model.Section.cases`.
-        name: The name of the requirement.
-        left_out: The number of simulations without a point.
-    """
+    """Return the chart of the robustness over the columns that vary."""
     verdicts = cases["verdicts"][name]
     words = Counter(verdicts)
     summary = "Each point is a simulation: " + ", ".join(
@@ -361,15 +340,7 @@ class Curve(NamedTuple):
 def curves_figure(
     title: str, summary: str, x: tuple[str, ShownSeries], y: str, curves: Iterable[Curve]
 ) -> Figure:
-    """Return a chart of curves with bands.
-
-    Args:
-        title: Its title.
-        summary: A description of the chart.
-        x: The name of the axis to the right, and the places of the points.
-        y: The name of the axis upwards.
-        curves: The curves.
-    """
+    """Return a chart of curves with bands."""
     name, places = x
     curves = list(curves)
     cells = [aligned(values) for values in (places, *(curve.values for curve in curves))]
@@ -396,10 +367,6 @@ def occurrence_figures(rows: Sequence[Trial], name: str) -> list[Figure | Table]
 
     The timeline shows the trace with the longest violated time. The list is empty if no trace has
     occurrences.
-
-    Args:
-        rows: The traces.
-        name: The name of the requirement.
     """
     pairs = [
         (row, outcome.occurrences)

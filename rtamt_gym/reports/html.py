@@ -27,10 +27,10 @@ from rtamt_gym.reports.model import (
     Section,
     ShownEpisode,
     Table,
-    plain,
 )
-from rtamt_gym.reports.requirements import DIGITS, trials_table
+from rtamt_gym.reports.requirements import DIGITS, trials_table, with_trials
 from rtamt_gym.results import mutation
+from rtamt_gym.results.codec import plain
 from rtamt_gym.results.mutation import below, percent
 from rtamt_gym.results.outcome import Word
 from rtamt_gym.results.warnings import never_triggered_word
@@ -38,12 +38,7 @@ from rtamt_gym.tables import counted
 
 
 class Standing(NamedTuple):
-    """The line at the head of a page.
-
-    Attributes:
-        verdict: The worst outcome of a requirement.
-        text: The word for it, with its evidence.
-    """
+    """The line at the head of a page."""
 
     verdict: Word
     text: str
@@ -81,9 +76,9 @@ def standing_of(sections: Sequence[Section]) -> Standing | None:
     counts = [f"{words[word]} {word}" for word in (*get_args(Word)[1:], "failed") if words[word]]
     never: dict[str, list[str]] = {}
     for (name, _), group in same.items():
-        triggers = [item.asked[0] for item in group if item.asked is not None]
+        triggers = [count for item in group for count in item.triggers]
         if triggers and not any(triggers):
-            unknown = any(item.unknown for item in group if item.asked is not None)
+            unknown = any(item.unknown for item in group)
             never.setdefault(never_triggered_word(unknown=unknown), []).append(name)
     judged = [item for group in same.values() for item in group]
     defaults = dict.fromkeys(item.name for item in judged if item.defaults)
@@ -130,7 +125,7 @@ def _of_mutants(sections: Sequence[Section], text: str) -> Standing:
     """Return the line of a page that judges mutants only."""
     parts = "; ".join([text, *_runs(sections)])
     tested = [section for section in sections if section.mutants is not None]
-    if any(requirement.counts.failed for section in tested for requirement in section.requirements):
+    if any(r.counts["failed"] for section in tested for r in section.requirements):
         return Standing("failed", f"{_HEADS['failed']}: {parts}.")
     required, names = _required(sections)
     if required is not None:
@@ -151,7 +146,7 @@ def word_of(requirement: Requirement) -> Word:
     if requirement.answer is not None:
         return requirement.answer
     counts = requirement.counts
-    return next((word for word in _WORST if getattr(counts, word)), "undecided")
+    return next((word for word in _WORST if counts[word]), "undecided")
 
 
 def _runs(sections: Sequence[Section]) -> Iterator[str]:
@@ -162,12 +157,12 @@ def _runs(sections: Sequence[Section]) -> Iterator[str]:
         own = _judged(section)
         if not own:
             continue
-        # A trace may fail under a single requirement, and trials that are not shown may fail, too.
+        # A trace may fail under a single requirement.
         labels = {
             t.label for requirement in own for t in requirement.trials if t.verdict == "failed"
         }
-        lost = max(len(labels), *(requirement.counts.failed for requirement in own))
-        judged[section.noun] += max(requirement.counts.episodes for requirement in own) - lost
+        lost = max(len(labels), *(requirement.counts["failed"] for requirement in own))
+        judged[section.noun] += max(len(requirement.trials) for requirement in own) - lost
         failed[section.noun] += lost
     for noun in judged:
         text = f"{counted(judged[noun], noun)} evaluated"
@@ -198,12 +193,6 @@ def render(report: Report) -> str:
     The page has the text and the tables as they are, the data of its charts as JSON, and Plotly's
     script, which draws them. A policy in the page forbids it to load anything, whatever names and
     texts the report has.
-
-    Args:
-        report: The content of the page.
-
-    Raises:
-        ModuleNotFoundError: If jinja2 or plotly is not installed; names the extra ``report``.
 
     Example:
         >>> page = render(Report("Runs of <b>A</b>", "rtamt", ()))
@@ -275,6 +264,7 @@ class _Layout:
         )
 
     def _requirement(self, section: str, of: Section, requirement: Requirement) -> Requirement:
+        requirement = with_trials(requirement, of)
         own = self._ids.add(section, requirement.name)
         key: int | str = ""
         if not requirement.together:

@@ -45,12 +45,6 @@ def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) 
     samples from each of about ``most / 2`` equal parts: the first, and the sample where a series is
     farthest from the line between the ends of the part. The series take turns, part by part.
 
-    Args:
-        series: Series of one length.
-        count: The number of samples in each.
-        keep: Samples that must be shown.
-        most: The maximum number of samples, in addition to required ones.
-
     Example:
         >>> import numpy as np
         >>> wave = np.zeros(1000)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -14,20 +13,18 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.reports.episodes import case_texts, rounded_moment
 from rtamt_gym.reports.figures import trial_figures
 from rtamt_gym.reports.model import (
+    TRIALS,
     Cell,
     Column,
-    Counts,
     Facts,
-    Figure,
     Requirement,
     Row,
-    ShownEpisode,
+    Section,
     Table,
     Text,
     TrialRow,
 )
-from rtamt_gym.reports.numbers import aligned, evenly, number, six, spaced
-from rtamt_gym.results.intervals import quantiles
+from rtamt_gym.reports.numbers import aligned, number, six
 from rtamt_gym.results.outcome import BY_END, Outcome, Word, word
 from rtamt_gym.results.provenance import Provenance
 from rtamt_gym.results.statistics import (
@@ -36,24 +33,15 @@ from rtamt_gym.results.statistics import (
     mean_progress,
     progress_text,
 )
-from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial, open_at_stop
 from rtamt_gym.results.warnings import never_triggered_word
 from rtamt_gym.tables import counted
 
-TRIALS: Final = 500
-"""The maximum number of trials of a requirement that are shown."""
-
 DIGITS: Final = 12
 """The digits of a hash that are shown; a tooltip shows all."""
 
-_ROBUSTNESS: Final = 1000
-"""The maximum number of values in a distribution."""
-
 _CASES: Final = 2000
 """The maximum number of points of a sweep."""
-
-_ORDER: Final[dict[Word, int]] = {"failed": 0, "violated": 1, "undecided": 2, "satisfied": 3}
 
 Label = Callable[[int, Trial], str]
 
@@ -63,22 +51,10 @@ def labelled(number: int, row: Trial) -> str:
     return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
 
 
-def counts_of(words: Sequence[Word]) -> Counts:
-    """Return how often each word occurs."""
-    order: tuple[Word, ...] = ("satisfied", "violated", "undecided", "failed")
-    return Counts(len(words), *(words.count(item) for item in order))
-
-
 def trials_of(
     rows: Sequence[Trial], outcomes: Sequence[Outcome | None], label: Label = labelled
-) -> list[TrialRow]:
-    """Return the trials of a requirement, the worst first.
-
-    Args:
-        rows: The trials.
-        outcomes: The outcome of the requirement in each; None for failures.
-        label: Names a trial.
-    """
+) -> tuple[TrialRow, ...]:
+    """Return the trials of a requirement, the worst first."""
     trials = []
     for index, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
         trial = TrialRow(
@@ -91,7 +67,7 @@ def trials_of(
             text=row.error or _text_of(row, outcome),
         )
         trials.append(trial if outcome is None else with_outcome(trial, outcome))
-    return sorted(trials, key=worst_first)
+    return tuple(sorted(trials, key=worst_first))
 
 
 def with_outcome(trial: TrialRow, outcome: Outcome) -> TrialRow:
@@ -116,86 +92,39 @@ def _text_of(row: Trial, outcome: Outcome | None) -> str:
     return next((value.message for value in row.failures.values()), "")
 
 
-def judged(results: Results, name: str) -> list[Outcome | None]:
-    """Return the outcome of a requirement in each trial; None for failures."""
-    return [row.judged(name) for row in results]
-
-
 def worst_first(trial: TrialRow) -> tuple[int, float]:
     """Order trials: failures, violations, undecided, satisfied; within each by robustness."""
     height = math.inf if trial.robustness is None else trial.robustness
-    return _ORDER[trial.verdict], height
+    return get_args(Word).index(trial.verdict), height
 
 
-def requirement_of(
-    name: str,
-    words: str,
-    formula: str,
-    trials: Sequence[TrialRow],
-    worst: Sequence[ShownEpisode] = (),
-    *,
-    noun: str = "episode",
-    unit: str = "s",
-    figures: Sequence[Figure | Table] = (),
-    **also: Any,  # noqa: ANN401 - fields of a requirement
-) -> Requirement:
-    """Return a requirement with its trials, worst first.
-
-    Args:
-        name: The name of the requirement.
-        words: The requirement in English.
-        formula: Its formula.
-        trials: Its trials, worst first.
-        worst: Its worst episodes in full.
-        noun: The word for a trial.
-        unit: The unit of times.
-        figures: Further charts and tables.
-        **also: Fields of the requirement, such as its rate and its interval.
-    """
-    known = [(trial.robustness, trial.verdict) for trial in trials if trial.robustness is not None]
-    known.sort(key=lambda pair: (pair[0], _ORDER[pair[1]]))
-    values = [value for value, _ in known]
-    triggers = [trial.asked for trial in trials if trial.asked is not None]
-    violations = sorted(
-        trial.violated_at.time or 0.0 for trial in trials if trial.violated_at is not None
-    )
-    requirement = Requirement(
-        name=name,
-        words=words,
-        formula=formula,
-        counts=counts_of([trial.verdict for trial in trials]),
-        robustness=evenly(values, _ROBUSTNESS),
-        verdicts=tuple(verdict for _, verdict in spaced(known, _ROBUSTNESS)),
-        quantiles={f"{share:g}": six(value) for share, value in quantiles(values).items()},
-        first_violations=evenly(violations, _ROBUSTNESS),
-        trials=tuple(trials[:TRIALS]),
-        left_out=max(0, len(trials) - TRIALS),
-        worst=tuple(worst),
-        by_end=sum(map(_by_end, trials)),
-        asked=(sum(map(bool, triggers)), len(triggers)) if triggers else None,
-        unknown=any(trial.unknown for trial in trials if trial.asked is not None),
-        vacuous=sum(trial.vacuous for trial in trials),
-        defaults=Counter(text for trial in trials for text in trial.defaults),
-        **also,
-    )
-    statistics = (*_statistics(values), *_progress(trials))
-    blocks = [Facts(statistics, "statistics")] if statistics else []
-    notes = [Text(requirement.note)] if requirement.note else []
+def with_trials(requirement: Requirement, section: Section) -> Requirement:
+    """Return a requirement with the texts, the numbers and the charts of its trials."""
+    trials, noun = requirement.trials, section.noun
+    statistics = (*_statistics(trials), *_progress(trials))
     return replace(
         requirement,
-        blocks=(*evidence(requirement, noun), *blocks, *notes),
-        figures=(*trial_figures(requirement, noun, unit), *figures),
+        blocks=(
+            *_evidence(requirement, noun),
+            *([Facts(statistics, "statistics")] if statistics else []),
+            *([Text(requirement.note)] if requirement.note else []),
+            *requirement.blocks,
+        ),
+        figures=(
+            *(trial_figures(trials, noun, section.unit) if section.charts else ()),
+            *requirement.figures,
+        ),
     )
 
 
-def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
+def _evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
     """Yield the evidence for the verdicts, and warnings."""
     certain = " for certain" * requirement.unknown
-    triggered, judged = requirement.asked or (0, 0)
+    triggered, judged = sum(map(bool, requirement.triggers)), len(requirement.triggers)
     if triggered:
         yield Text(f"Triggered in {triggered} of {counted(judged, noun)}{certain}.", "asked")
-        if requirement.vacuous:
-            total = counted(requirement.vacuous, noun)
+        if vacuous := sum(trial.vacuous for trial in requirement.trials):
+            total = counted(vacuous, noun)
             yield Text(f"Satisfied without an answer in {total}.", "asked warning")
     elif judged:
         word = never_triggered_word(unknown=requirement.unknown).capitalize()
@@ -209,16 +138,8 @@ def evidence(requirement: Requirement, noun: str) -> Iterator[Text]:
 def trials_table(
     requirement: Requirement, noun: str, unit: str, replay: str, ids: Callable[[str], str]
 ) -> Table:
-    """Return the table of the trials of a requirement, without empty columns.
-
-    Args:
-        requirement: The requirement, with its id on the page.
-        noun: The word for a trial.
-        unit: The unit of times.
-        replay: The command that replays a trial, with ``{seed}`` for its seed.
-        ids: Makes the id of a row from the label of its trial.
-    """
-    trials = requirement.trials
+    """Return the table of the trials of a requirement, without empty columns."""
+    trials = requirement.trials[:TRIALS]
     times = [None if t.violated_at is None else t.violated_at.time for t in trials]
     progress = ["" if t.progress is None else progress_text(t.progress) for t in trials]
     columns: list[tuple[Column, Iterable[str], Iterable[float | None]]] = [
@@ -290,8 +211,9 @@ def reuse_notes(provenance: Provenance, trial: str) -> list[str]:
     return [] if provenance.reuse is None else provenance.reuse.lines(trial)
 
 
-def _statistics(values: Sequence[float]) -> Iterator[tuple[str, str, str]]:
+def _statistics(trials: Sequence[TrialRow]) -> Iterator[tuple[str, str, str]]:
     """Yield the statistics of the robustness."""
+    values = [trial.robustness for trial in trials if trial.robustness is not None]
     result = RequirementResult("", "", 0, 0, 0, 0, 0, np.array(values), np.array(()), 0.0, ())
     for statistic in STATISTICS:
         if statistic.robustness and values and statistic.shown(result):
@@ -303,12 +225,6 @@ def _progress(trials: Sequence[TrialRow]) -> Iterator[tuple[str, str, str]]:
     mean = mean_progress([trial.progress for trial in trials if trial.progress is not None])
     if mean is not None:
         yield "mean progress", progress_text(mean), ""
-
-
-def _by_end(trial: TrialRow) -> bool:
-    """Return whether a trial is violated only by its end, at a robustness above zero."""
-    value = trial.robustness
-    return trial.verdict == "violated" and value is not None and math.copysign(1.0, value) > 0
 
 
 def at_stop(record: Record, name: str, noun: str) -> str:

@@ -23,7 +23,7 @@ from rtamt_gym.play.summaries import failures
 from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of, rounded_moment
 from rtamt_gym.reports.figures import cases_figure, convergence_figure, map_figure
 from rtamt_gym.reports.model import (
-    NOUNS,
+    TRIALS,
     Figure,
     Requirement,
     Section,
@@ -33,19 +33,17 @@ from rtamt_gym.reports.model import (
 )
 from rtamt_gym.reports.numbers import rounded, six
 from rtamt_gym.reports.requirements import (
-    TRIALS,
     at_stop,
     cases_of,
-    judged,
     labelled,
     made_of,
-    requirement_of,
     reuse_notes,
     trials_of,
 )
+from rtamt_gym.results.codec import provenance_of
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.outcome import WORDS, Outcome, Word, word
-from rtamt_gym.results.provenance import ChangedModelError, provenance_of
+from rtamt_gym.results.provenance import ChangedModelError
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.falsification.points import Effects
 from rtamt_gym.search.sweeps.effects import RobustnessMap, map_of
@@ -72,13 +70,6 @@ def of_record(
 
     The worst simulation of each requirement is played again if the result has its system, which a
     file does not have.
-
-    Args:
-        result: The sweep or the record.
-        room: The maximum count of numbers in all episodes.
-        facts: The facts in a file in addition to the record.
-        kind: The kind of the section.
-        unit: The unit of times; None: the unit of the record and the replayed runs.
     """
     sweep = result if isinstance(result, Sweep) else None
     record = result if isinstance(result, Record) else result.record
@@ -141,25 +132,23 @@ def requirements_of(
     match, results = [], record.results()
     cases, maps = cases_of(record), {} if kind == "search" else maps_of(record, space)
     for name, formula in record.requirements.items():
-        trials = trials_of(record, judged(record, name))
+        trials = trials_of(record, record.outcomes(name))
         runs = worst.get(name, [])
         step = any(run.view == "step" for run in runs)
         period = None if unit == "steps" else 1
         result = None if record.has_cases or not trials else results[name]
         match.append(
-            requirement_of(
+            Requirement(
                 name,
                 in_words_of(formula, period, step=step),
                 formula,
                 trials,
-                [_episode(record, run, name, room, episodes) for run in runs],
-                noun=NOUNS[kind],
-                unit=unit,
-                figures=[
+                worst=tuple(_episode(record, run, name, room, episodes) for run in runs),
+                figures=(
                     *([figures[name]] if name in figures else []),
                     *maps.get(name, ()),
                     *([] if cases is None else [cases_figure(cases[0], name, cases[1])]),
-                ],
+                ),
                 rate=None if result is None else result.rate,
                 interval=None if result is None else result.interval,
                 note=at_stop(record, name, "simulation"),
@@ -220,19 +209,14 @@ def _words_of(
     """Return the worst word of each cell of a map; a failure counts only without other words."""
     worst: dict[tuple[float, float], Word] = {}
     order = get_args(Word)[1:]
-    for x, y, outcome in zip(*(item.tolist() for item in at), judged(record, name), strict=True):
+    for x, y, outcome in zip(*(item.tolist() for item in at), record.outcomes(name), strict=True):
         both = {word(outcome), worst.get((x, y), "failed")}
         worst[x, y] = next((item for item in order if item in both), "failed")
     return tuple(tuple(worst[x, y] for x in heights.xs.tolist()) for y in heights.ys.tolist())
 
 
 def of_runs(stored: Mapping[str, Any], room: int) -> Section:
-    """Return the section of episodes in a file of ``rtamt run --json``.
-
-    Args:
-        stored: The result, of the kind ``"runs"``.
-        room: The maximum count of numbers in all episodes.
-    """
+    """Return the section of episodes in a file of ``rtamt run --json``."""
     record = record_of(stored)
     parts = {"period": stored["period"], **stored["reading"]}
     facts = {name: str(value) for name, value in parts.items() if value is not None}
@@ -250,13 +234,12 @@ def of_run(run: Run, room: int) -> Section:
     for name, history in run.histories.items():
         words = in_words_of(history.formula, run.period, unit=history.unit, step=run.view == "step")
         requirements.append(
-            requirement_of(
+            Requirement(
                 name,
                 words,
                 history.formula,
                 trials_of([trial], [trial.judged(name)], lambda *_: label),
-                [episode_of_run(run, name, label, room, len(run.histories))],
-                unit=unit,
+                worst=(episode_of_run(run, name, label, room, len(run.histories)),),
                 id=history.specification.id,
             )
         )
@@ -273,12 +256,7 @@ def of_run(run: Run, room: int) -> Section:
 
 
 def of_search(search: Falsification, room: int) -> Section:
-    """Return the section of a search; the case that it found, or the closest, is played again.
-
-    Args:
-        search: The result of the search.
-        room: The maximum count of numbers in the episode.
-    """
+    """Return the section of a search; the case that it found, or the closest, is played again."""
     record, name = search.record, search.requirement
     runs: dict[str, list[Run]] = {}
     if name in search.row.outcomes:
@@ -310,7 +288,7 @@ def convergence_of(record: Record) -> dict[str, Figure]:
 
     For more than 2000 simulations, it shows each new minimum and evenly spaced others.
     """
-    return {name: _convergence(name, judged(record, name)) for name in record.requirements}
+    return {name: _convergence(name, record.outcomes(name)) for name in record.requirements}
 
 
 def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
@@ -331,17 +309,11 @@ def _convergence(name: str, outcomes: Sequence[Outcome | None]) -> Figure:
 
 
 def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
-    """Return the section of a saved case.
-
-    Args:
-        saved: The case.
-        room: The maximum count of numbers in the episode.
-        play: Whether to play it again, which runs the code that it names.
-    """
+    """Return the section of a saved case."""
     formula = str(saved.requirement.formula)
     run, note = _played(saved) if play else (None, _unplayed(saved))
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
-    worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
+    worst = () if run is None else (episode_of_run(run, name, "the case found", room, 1),)
     step = saved.evaluation_options.get("view") == "step"
     # the evidence for another verdict is not evidence for this one
     stands_on = run.outcomes[name] if run is not None and saved.gives(run) else None
@@ -359,16 +331,14 @@ def of_case(saved: SavedCase, room: int, *, play: bool = False) -> Section:
         progress=None if stands_on is None else stands_on.progress,
     )
     system = _system_text(saved.system)
-    requirement = requirement_of(
+    requirement = Requirement(
         name,
         in_words_of(
             formula, None if unit == "steps" else 1, unit=saved.requirement.unit, step=step
         ),
         formula,
-        [trial],
-        worst,
-        noun="simulation",
-        unit=unit,
+        (trial,),
+        worst=worst,
         id=saved.requirement.id,
     )
     verb = {Verdict.VIOLATED: "violates", Verdict.SATISFIED: "satisfies"}
@@ -416,14 +386,7 @@ def _system_text(system: Any) -> str:  # noqa: ANN401 - an object of JSON
 
 
 def of_search_json(stored: Mapping[str, Any]) -> Section:
-    """Return the section of a result of ``rtamt falsify --json``.
-
-    Args:
-        stored: The result, of the kind ``"search"``.
-
-    Raises:
-        KeyError: If a key is missing.
-    """
+    """Return the section of a result of ``rtamt falsify --json``."""
     record = record_of(stored)
     case = case_texts(Case.from_json(json.dumps(stored["input"])))
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")

@@ -31,6 +31,7 @@ from rtamt_gym.recorded.trace_files import read_ruled
 from rtamt_gym.reports.episodes import PlayedEpisode, in_words_of
 from rtamt_gym.reports.figures import occurrence_figures
 from rtamt_gym.reports.model import (
+    TRIALS,
     Cell,
     Column,
     Requirement,
@@ -43,19 +44,16 @@ from rtamt_gym.reports.model import (
 from rtamt_gym.reports.numbers import number, six
 from rtamt_gym.reports.requirements import (
     DIGITS,
-    TRIALS,
-    judged,
     made_of,
-    requirement_of,
     trials_of,
 )
-from rtamt_gym.results.codec import number_of
+from rtamt_gym.results.codec import number_of, provenance_of
 from rtamt_gym.results.codec import trials_of as read_trials
 from rtamt_gym.results.matrix import IDENTITY, RESULTS, Matrix
 from rtamt_gym.results.mutation import MutationScore
 from rtamt_gym.results.outcome import Failure, Outcome, Word, word
-from rtamt_gym.results.provenance import file_hash, provenance_of
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.provenance import file_hash
+from rtamt_gym.results.statistics import Results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 from rtamt_gym.tables import number as plain_number
@@ -69,17 +67,7 @@ _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 def of_matrix(
     stored: Mapping[str, Any], folder: Path, room: int, *, traces: Sequence[Path] = ()
 ) -> Section:
-    """Return the section of recorded traces, with the worst of each requirement in full.
-
-    Args:
-        stored: A result of the kind ``"traces"``, from ``rtamt monitor --json``.
-        folder: The folder of the result: traces below it and below the current folder are read.
-        room: The maximum count of numbers in all episodes.
-        traces: Further folders with traces to read.
-
-    Raises:
-        KeyError: If a key is missing.
-    """
+    """Return the section of recorded traces, with the worst of each requirement in full."""
     matrix = Matrix(read_trials(stored), stored["requirements"], provenance=provenance_of(stored))
     reading = stored["reading"]
     formulas = matrix.requirements
@@ -94,8 +82,7 @@ def of_matrix(
     scores = {} if mutants is None else mutants["requirements"]
     return Section(
         kind="matrix",
-        title=f"{counted(len(matrix), 'recorded trace')} under "
-        f"{counted(len(formulas), 'requirement')}",
+        title=_title(matrix),
         unit="s" if _period(matrix) else "steps",
         facts=tuple(facts),
         requirements=tuple(requirements),
@@ -108,6 +95,11 @@ def of_matrix(
     )
 
 
+def _title(matrix: Matrix) -> str:
+    requirements = counted(len(matrix.requirements), "requirement")
+    return f"{counted(len(matrix), 'recorded trace')} under {requirements}"
+
+
 def _period(matrix: Matrix) -> object:
     """Return None if bounds count samples, according to the descriptions of the traces."""
     return None if any(row.described.endswith("bounds count samples") for row in matrix) else 1
@@ -115,20 +107,30 @@ def _period(matrix: Matrix) -> object:
 
 def _blocks(matrix: Matrix) -> Iterator[Table | Text]:
     """Yield the table of the traces under the requirements, at most the worst 500."""
-    words, names = get_args(Word), list(matrix.requirements)
+    words = get_args(Word)
     places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
-    yield Table(
+    rows = [matrix[i] for i in sorted(places)]
+    yield _traces_table(matrix, rows, "Robustness of each requirement on each trace")
+    yield from _unlisted(matrix, rows, "muted")
+
+
+def _traces_table(matrix: Matrix, rows: Iterable[Trial], caption: str) -> Table:
+    names = list(matrix.requirements)
+    return Table(
         (Column("trace"), Column("verdict"), *(Column(name, "n", name) for name in names)),
-        tuple(matrix_row(matrix[i], names) for i in sorted(places)),
+        tuple(_matrix_row(row, names) for row in rows),
         "Traces and requirements",
-        "Robustness of each requirement on each trace",
+        caption,
         "matrix",
     )
-    if len(places) < len(matrix):
-        yield Text(f"{counted(len(matrix) - len(places), 'trace')} more not listed.", "muted")
 
 
-def matrix_row(row: Trial, names: Iterable[str]) -> Row:
+def _unlisted(matrix: Matrix, rows: Sequence[Trial], style: str) -> Iterator[Text]:
+    if len(rows) < len(matrix):
+        yield Text(f"{counted(len(matrix) - len(rows), 'trace')} more not listed.", style)
+
+
+def _matrix_row(row: Trial, names: Iterable[str]) -> Row:
     """Return a trace as a row of the table of all requirements."""
     described = [row.described.removeprefix(f"{row.name}: ")] if row.described else []
     cells = []
@@ -144,7 +146,7 @@ def _requirement(
     matrix: Matrix, reading: Mapping[str, Any], name: str, below: TraceFolders, room: int
 ) -> Requirement:
     """Return a requirement with its worst trace in full, or a note with the reason."""
-    formula, outcomes = matrix.requirements[name], judged(matrix, name)
+    formula, outcomes = matrix.requirements[name], matrix.outcomes(name)
     trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
     known = [trial.label for trial in trials if trial.robustness is not None]
     worst, note = [], ""
@@ -156,15 +158,12 @@ def _requirement(
         except NotShownError as error:
             note = f"The worst trace, `{row.name}`, is not shown in full: {error}."
     words = in_words_of(formula, _period(matrix), step=reading.get("view") == "step")
-    known_id = matrix.provenance.ids.get(name)
-    unit = "s" if _period(matrix) else "steps"
-    return requirement_of(
-        *(name, words, formula, trials, worst),
-        noun="trace",
-        unit=unit,
-        figures=occurrence_figures(matrix.rows, name),
+    return Requirement(
+        *(name, words, formula, trials),
+        worst=tuple(worst),
+        figures=tuple(occurrence_figures(matrix.rows, name)),
         note=note,
-        id=known_id,
+        id=matrix.provenance.ids.get(name),
     )
 
 
@@ -182,11 +181,7 @@ def _episode(
     path: Path,
     room: int,
 ) -> ShownEpisode:
-    """Return a trace in full.
-
-    Raises:
-        NotShownError: If it cannot be read again, or is of another kind.
-    """
+    """Return a trace in full."""
     if stored["time"] == "dense" or stored["semantics"] not in EXACT:
         raise NotShownError("this page shows samples under the standard or the boolean semantics")
     period = Fraction(stored["period"]) if "period" in stored else None
@@ -241,14 +236,7 @@ def _curves(
 
 
 def of_mined(stored: Mapping[str, Any]) -> Section:
-    """Return the section of a result of ``rtamt mine --json``.
-
-    Args:
-        stored: The result, of the kind ``"mined"``.
-
-    Raises:
-        KeyError: If a key is missing.
-    """
+    """Return the section of a result of ``rtamt mine --json``."""
     results = Results(read_trials(stored), stored["requirements"])
     name, traces = stored["parameter"], counted(stored["traces"], "trace")
     value, fails_at, low, high = (
@@ -263,12 +251,11 @@ def of_mined(stored: Mapping[str, Any]) -> Section:
         "evaluations": str(stored["evaluations"]),
     }
     requirements = [
-        requirement_of(
+        Requirement(
             requirement,
             in_words_of(formula, 1),
             formula,
-            trials_of(results.rows, judged(results, requirement), lambda _, row: row.name),
-            noun="trace",
+            trials_of(results.rows, results.outcomes(requirement), lambda _, row: row.name),
             note=f"The traces that let no tighter value pass, at {name} = {value}.",
         )
         for requirement, formula in results.requirements.items()
@@ -291,27 +278,13 @@ class NotShownError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TraceFolders:
-    """The folders below which traces are read.
-
-    Attributes:
-        own: The folders for full paths: the current folder and the folder of the result.
-        traces: Further folders, where the end of a trace's path is enough.
-    """
+    """The folders below which traces are read."""
 
     own: tuple[Path, ...]
     traces: tuple[Path, ...] = ()
 
     def found(self, name: str, sha256: str) -> Path:
-        """Return the file of a trace.
-
-        Args:
-            name: The path of the trace, as it was judged.
-            sha256: The hash of the trace when it was judged; empty if it is not known.
-
-        Raises:
-            NotShownError: If no regular file of this name lies below the folders, or all of them
-                have changed.
-        """
+        """Return the file of a trace."""
         folders = list(dict.fromkeys([*self.own, *self.traces]))
         roots = [folder.resolve() for folder in folders]
         files = [path for path in self._places(name) if _is_below(path, roots)]
@@ -375,11 +348,7 @@ def holds_results(path: Path) -> bool:
 
 
 def of_results(path: Path) -> Section:
-    """Return the section of a folder of results.
-
-    Args:
-        path: The folder, or its Parquet file.
-    """
+    """Return the section of a folder of results."""
     import pyarrow.parquet as pq
 
     folder = path if path.is_dir() else path.parent
@@ -395,23 +364,19 @@ def of_results(path: Path) -> Section:
         (name, str(identity[name])) for name in _FOLDER_OPTIONS if identity.get(name) not in _UNSET
     ]
     requirements = [
-        replace(
-            requirement_of(
-                *(name, in_words_of(formula, 1, step=identity.get("view") == "step"), formula),
-                trials_of(matrix.rows, judged(matrix, name), lambda _, row: row.name),
-                noun="trace",
-            ),
-            figures=(),  # the script that draws them is larger than the page
+        Requirement(
+            *(name, in_words_of(formula, 1, step=identity.get("view") == "step"), formula),
+            trials_of(matrix.rows, matrix.outcomes(name), lambda _, row: row.name),
         )
         for name, formula in formulas.items()
     ]
     return Section(
         kind="matrix",
-        title=f"{counted(len(matrix), 'recorded trace')} under "
-        f"{counted(len(formulas), 'requirement')}",
+        title=_title(matrix),
         facts=tuple(facts),
         requirements=tuple(requirements),
         blocks=tuple(_folder_blocks(matrix, folder / RESULTS)),
+        charts=False,  # the script that draws them is larger than the page
     )
 
 
@@ -437,7 +402,7 @@ def _trial(columns: Mapping[str, list[Any]], i: int, formulas: Mapping[str, str]
 
 def _folder_blocks(matrix: Matrix, file: Path) -> Iterator[Table | Text]:
     """Yield the worst files, the folders, and the command for all files."""
-    words, names = get_args(Word), [*matrix.requirements]
+    words = get_args(Word)
 
     def badness(row: Trial) -> tuple[int, float]:
         values = (outcome.robustness for outcome in row.outcomes.values())
@@ -445,16 +410,8 @@ def _folder_blocks(matrix: Matrix, file: Path) -> Iterator[Table | Text]:
 
     worst = sorted(matrix.rows, key=badness)[:_LISTED]
     yield _groups(matrix)
-    yield Table(
-        (Column("trace"), Column("verdict"), *(Column(name, "n", name) for name in names)),
-        tuple(matrix_row(row, names) for row in worst),
-        "Traces and requirements",
-        "Robustness of each requirement on the worst traces",
-        "matrix",
-    )
-    if len(worst) < len(matrix):
-        more = counted(len(matrix) - len(worst), "trace")
-        yield Text(f"{more} more not listed.", "muted left-out")
+    yield _traces_table(matrix, worst, "Robustness of each requirement on the worst traces")
+    yield from _unlisted(matrix, worst, "muted left-out")
     code = (
         f"import pandas; table = pandas.read_parquet({json.dumps(str(file))}); "
         'print(table[table.verdict == "violated"].path.to_string())'

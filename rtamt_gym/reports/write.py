@@ -67,13 +67,7 @@ Result = (
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The actions of a section in addition to reading the file of its result.
-
-    Attributes:
-        play: Whether a saved case is played again, which runs the code that it names.
-        traces: Folders with recorded traces to read, in addition to the folder of the result and
-            the current folder.
-    """
+    """The actions of a section in addition to reading the file of its result."""
 
     play: bool = False
     traces: tuple[Path, ...] = ()
@@ -232,18 +226,7 @@ def check_page(path: str | os.PathLike[str]) -> None:
 
 
 def section_of(result: Result, room: int, access: Access = Access()) -> Section:
-    """Return the section of a result, or of the file of one.
-
-    Args:
-        result: The result, or the path of its file or folder.
-        room: The maximum count of numbers in its episodes.
-        access: The permissions to read and run files.
-
-    Raises:
-        InputError: If a file is not a result; the error lists the kinds of results.
-        InputTypeError: If it is not a result.
-        OSError: If the file does not exist.
-    """
+    """Return the section of a result, or of the file of one."""
     match result:
         case Evaluation():
             return of_evaluation(result, room)

@@ -50,11 +50,6 @@ def to_markdown(
     """Return the table of outcomes, and why requirements are violated, undecided or in error.
 
     It explains the first 50. For more than 10,000 traces, the table shows the 100 worst.
-
-    Args:
-        matrix: The outcomes.
-        warnings: The warnings of the command; the heading shows warnings that make it fail.
-        constants: The values of constants that replace values in the specifications, by name.
     """
     triggered = {name for name in matrix.requirements if triggered_in(matrix, name) is not None}
     names = [_escaped(name) + " | triggers" * (name in triggered) for name in matrix.requirements]
@@ -137,13 +132,6 @@ def junit_parts(
     A violation is a failure, an undecided requirement is skipped, and a trace that could not be
     judged is an error. A warning that makes the command fail is a failure too, so that the file
     agrees with the exit code. Without times of execution, the same traces give the same file.
-
-    Args:
-        matrix: The outcomes.
-        rules: How the traces were judged, by name; properties of every suite.
-        warnings: The warnings of the command; warnings that make it fail are failures.
-        least: The minimum duration of a trace in seconds, the property ``shorter_than`` in the
-            suite of a shorter trace; None for no minimum.
     """
     counts = _counts(
         [_word(row, name, warnings) for row in matrix.rows for name in matrix.requirements]

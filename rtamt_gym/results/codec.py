@@ -19,18 +19,19 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Final, Self, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, Verdict
+from rtamt.language import RequirementId
 from rtamt.monitors import (
     BodyOccurrences,
     Occurrence,
@@ -39,12 +40,12 @@ from rtamt.monitors import (
     RunTable,
     UnknownRun,
 )
+from rtamt.renamed import OldName
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.extent import Extent, LateStart
 from rtamt_gym.results.outcome import Failure, Moment, Outcome, triggers_of
-from rtamt_gym.results.provenance import plain_provenance
-from rtamt_gym.results.statistics import STATISTICS, RequirementResult
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.provenance import Fingerprint, Provenance
+from rtamt_gym.results.statistics import STATISTICS, RequirementResult, Results
 from rtamt_gym.results.trial import Trial
 
 FORMAT: Final = "rtamt result"
@@ -88,14 +89,7 @@ def document_parts(
     rows: str = "trials",
     plain_rows: Iterable[object] | None = None,
 ) -> Iterator[str]:
-    """Yield the text of `document` in parts; each row is a part.
-
-    Args:
-        kind: The kind of the result.
-        fields: Its fields.
-        rows: The field of the rows.
-        plain_rows: The rows in the form of `plain`; None: the rows in ``fields``.
-    """
+    """Yield the text of `document` in parts; each row is a part."""
     head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
     written = map(plain, fields.get(rows, ())) if plain_rows is None else plain_rows
     texts = (json.dumps(row, allow_nan=False) for row in written)
@@ -126,9 +120,31 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
     for kind, make in _PLAIN:
         if isinstance(value, kind):
             return make(value)
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    return value
+    return _plain_fields(value) if is_dataclass(value) else value
+
+
+def _plain_fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - a dataclass
+    """Return the fields of a dataclass, or the attributes that its ``json_keys`` name.
+
+    A class with ``sparse`` leaves out defaults and empty objects.
+    """
+    keys, defaults = _form_of(type(value))  # type: ignore[arg-type]  # a class is hashable
+    stored = {}
+    for key in keys:
+        attribute = getattr(value, key)
+        text = plain(attribute)
+        if defaults is None or not (text in (None, {}) or defaults.get(key, MISSING) == attribute):
+            stored[key] = text
+    return stored
+
+
+@cache
+def _form_of(kind: Any) -> tuple[tuple[str, ...], dict[str, Any] | None]:  # noqa: ANN401 - a class
+    """Return the keys of a dataclass in JSON, and the defaults that it leaves out, if any."""
+    keys = getattr(kind, "json_keys", tuple(field.name for field in fields(kind)))
+    if not getattr(kind, "sparse", False):
+        return keys, None
+    return keys, {field.name: field.default for field in fields(kind)}
 
 
 def plain_outcome(outcome: Outcome | Failure) -> dict[str, Any]:
@@ -152,8 +168,8 @@ def plain_outcome(outcome: Outcome | Failure) -> dict[str, Any]:
         stored["defaults"] = outcome.defaults
     if outcome.progress is not None:
         stored["progress"] = outcome.progress
-    if (late := outcome.late_start) is not None:
-        stored["late_start"] = {**plain(late), "left_out": late.left_out}
+    if outcome.late_start is not None:
+        stored["late_start"] = outcome.late_start
     if outcome.occurrences is not None:
         stored["occurrences"] = plain_occurrences(outcome.occurrences)
     return {name: plain(value) for name, value in stored.items()}
@@ -165,7 +181,7 @@ def plain_trial(trial: Trial) -> dict[str, Any]:
     stored = {
         "name": trial.name or None,
         "described": trial.described or None,
-        "extent": trial.extent and trial.extent.written(),
+        "extent": trial.extent,
         "case": trial.case or None,
         "seed": trial.seed,
         "ended": trial.ended,
@@ -193,17 +209,12 @@ def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, 
 
 
 def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
-    """Return the keys that all results of trials have: system, requirements, trials and others.
-
-    Args:
-        results: The trials.
-        rates: Whether they differ by chance only, so that a rate describes the system.
-    """
+    """Return the keys that all results of trials have: system, requirements, trials and others."""
     result = results.results()
     return {
         "system": results.system,
         "requirements": results.requirements,
-        **plain_provenance(results.provenance),
+        **plain(results.provenance),
         "results": {name: plain_result(value, rates=rates) for name, value in result.items()},
         "trials": results.rows,
     }
@@ -219,6 +230,7 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
     ),
     (Fraction, str),
     (Verdict, lambda value: value.name),
+    (RequirementId, lambda value: {"id": value.id, **({"link": value.link} if value.link else {})}),
     (Case, lambda value: plain(json.loads(value.to_json()))),
     (Trial, plain_trial),
     (RequirementResult, plain_result),
@@ -230,12 +242,9 @@ _PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] 
 
 
 def read_fields(kind: type[T], stored: Mapping[str, Any]) -> T:
-    """Return a dataclass from the output of `plain`; other keys are ignored.
-
-    Raises:
-        KeyError, TypeError, ValueError: If a field without a default is missing, or a value has a
-            wrong type.
-    """
+    """Return a dataclass from the output of `plain`; other keys are ignored."""
+    if not isinstance(stored, Mapping):
+        raise TypeError(f"expected an object, got {stored!r}")
     hints = _type_hints(kind)  # type: ignore[arg-type]  # classes are hashable
     values = {
         field.name: _read_value(hints[field.name], stored[field.name])
@@ -264,7 +273,7 @@ def _read_value(hint: Any, value: Any) -> Any:  # noqa: ANN401 - any type of a f
         return tuple(_read_value(a, item) for a, item in zip(args, value, strict=True))
     if origin is Mapping:
         return {name: _read_value(args[1], item) for name, item in value.items()}
-    return float(value) if hint is float else value
+    return hint(value) if hint in (float, Fraction) else value
 
 
 def outcome_of(stored: Mapping[str, Any]) -> Outcome | Failure:
@@ -313,9 +322,15 @@ def trial_of(stored: Mapping[str, Any]) -> Trial:
         described=stored.get("described", ""),
         notes=tuple(stored.get("notes", ())),
         failures={name: cell for name, cell in cells.items() if isinstance(cell, Failure)},
-        extent=Extent.read(stored["extent"]) if "extent" in stored else None,
+        extent=read_fields(Extent, stored["extent"]) if "extent" in stored else None,
         reported=stored.get("is_success"),
     )
+
+
+def provenance_of(stored: Mapping[str, Any]) -> Provenance:
+    """Read the provenance of a result, which `plain` wrote among its fields."""
+    known = read_fields(Provenance, {**stored, "fingerprint": None})
+    return replace(known, fingerprint=Fingerprint.read(stored.get("fingerprint")))
 
 
 def trials_of(stored: Mapping[str, Any]) -> list[Trial]:
@@ -443,14 +458,41 @@ def fraction_of(stored: str | None) -> Fraction | None:
     return None if stored is None else Fraction(stored)
 
 
-def save(text: str, path: str | os.PathLike[str]) -> None:
-    """Write the text of a result into a file.
+class SavedResult:
+    """A result that a file of JSON can hold."""
 
-    Raises:
-        InputError: If the name does not end in ``.json``.
-    """
-    check_name(path)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    __slots__ = ()
+
+    kind: ClassVar[str]
+
+    of_kept = OldName("from_saved")
+
+    def to_json(self) -> str:
+        """Return the result as strict JSON."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_saved(cls, kept: Mapping[str, Any]) -> Self:
+        """Return the result from the JSON of a result of its kind."""
+        raise NotImplementedError
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the text of `to_json` into a file.
+
+        Raises:
+            InputError: If the name does not end in ``.json``.
+        """
+        check_name(path)
+        Path(path).write_text(self.to_json() + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file that `save` wrote.
+
+        Raises:
+            InputError: If the file does not hold a result of this class.
+        """
+        return read_as(path, cls.kind, cls.from_saved)
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
@@ -462,17 +504,7 @@ def check_name(path: str | os.PathLike[str]) -> None:
 def read(
     path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS), others: str = ""
 ) -> dict[str, Any]:
-    """Read the file of a result.
-
-    Args:
-        path: The file.
-        kinds: The kinds that are expected.
-        others: Other values that the caller accepts, for an error.
-
-    Raises:
-        InputError: If the file holds another kind of result; the error names both kinds.
-        OSError: If the file does not exist.
-    """
+    """Read the file of a result."""
     where, kinds = os.fspath(path), list(kinds)
     phrase = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
     written = ", ".join(KINDS[kind] for kind in kinds)
@@ -502,22 +534,14 @@ def read(
 
 
 def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str, Any]], T]) -> T:
-    """Read a result of one kind, and return its object.
-
-    Raises:
-        InputError: As `read` does, and if values are missing or wrong.
-    """
+    """Read a result of one kind, and return its object."""
     return build(path, read(path, [kind]), make)
 
 
 def build(
     path: str | os.PathLike[str], stored: Mapping[str, Any], make: Callable[[Mapping[str, Any]], T]
 ) -> T:
-    """Return the object of a result that was read from a file.
-
-    Raises:
-        InputError: If values are missing or wrong.
-    """
+    """Return the object of a result that was read from a file."""
     try:
         return make(stored)
     except rtamt.RtamtError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Final, Self
+from typing import ClassVar, Final, Self
 
 from rtamt_gym.tables import counted, number, time_text
 
@@ -20,19 +20,14 @@ _NAMED: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The time between two neighbouring records of a variable.
-
-    Attributes:
-        seconds: The length in seconds.
-        begin: The start in seconds on the clock of the trace.
-        usual: The median time between two records there, in seconds.
-        of: The variables, joined by commas; empty if all have the gap.
-    """
+    """The time between two neighbouring records of a variable."""
 
     seconds: float
     begin: float
     usual: float
-    of: str = ""
+    of: str = ""  # the variables, joined by commas; empty if all have the gap
+
+    sparse: ClassVar = True
 
     @property
     def long(self) -> bool:
@@ -53,27 +48,19 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class LateStart:
-    """The start of the trace of a requirement that starts later than the recording.
-
-    Attributes:
-        time: The first time in seconds when all variables of the requirement are known.
-        begin: The first time when any variable is known.
-        of: The variables that are known only from ``time`` on, if others are known before;
-            otherwise empty.
-        before: The number of events or samples from ``begin`` until ``time``.
-        what: ``"event"`` or ``"sample"``.
-        verdict: The name of the verdict if the trace starts at ``time``.
-        counted: Whether the reported verdict includes the time from ``begin`` on, with the
-            variables ``of`` unknown until they start.
-    """
+    """The start of the trace of a requirement that starts later than the recording."""
 
     time: float
     begin: float
-    of: tuple[str, ...] = ()
-    before: int = 0
-    what: str = "event"
-    verdict: str = ""
-    counted: bool = False
+    of: tuple[str, ...] = ()  # the variables that are later than others, if any
+    before: int = 0  # the number of events or samples from begin until time
+    what: str = "event"  # or "sample"
+    verdict: str = ""  # of the trace from time on
+    counted: bool = False  # whether the reported verdict includes the time from begin on
+
+    json_keys: ClassVar = (
+        *("time", "begin", "of", "before", "what", "verdict", "counted", "left_out"),
+    )
 
     @property
     def judged(self) -> float:
@@ -106,25 +93,20 @@ class LateStart:
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """The recorded part of a trace.
-
-    Attributes:
-        samples: The number of samples; None in dense time.
-        events: The number of events of all variables; None for samples.
-        period: Seconds between samples; None in dense time, or if bounds count samples.
-        begin: The start time in seconds; None if bounds count samples.
-        end: The end time in seconds; None if bounds count samples.
-        step: The usual distance of two times; None if bounds count samples.
-        gap: The longest gap; None with fewer than two times.
-    """
+    """The recorded part of a trace."""
 
     samples: int | None = None
     events: int | None = None
     period: Fraction | None = None
     begin: float | None = None
     end: float | None = None
-    step: float | None = None
+    usual_step: float | None = None
     gap: Gap | None = None
+
+    sparse: ClassVar = True
+    json_keys: ClassVar = (
+        *("samples", "events", "period", "begin", "end", "length", "usual_step", "gap"),
+    )
 
     @property
     def length(self) -> float | None:
@@ -147,52 +129,13 @@ class Extent:
         """Return whether it is shorter than ``minimum`` seconds, by more than rounding."""
         return self.length is not None and self.length < float(minimum) * (1 - 1e-9)
 
-    def written(self) -> dict[str, Any]:
-        """Return the fields as JSON holds them; unknown ones are left out."""
-        gap = self.gap
-        stored = {
-            "samples": self.samples,
-            "events": self.events,
-            "period": self.period and str(self.period),
-            "begin": self.begin,
-            "end": self.end,
-            "length": self.length,
-            "usual_step": self.step,
-            "gap": gap
-            and {
-                "seconds": gap.seconds,
-                "begin": gap.begin,
-                "usual": gap.usual,
-                **({"of": gap.of} if gap.of else {}),
-            },
-        }
-        return {name: value for name, value in stored.items() if value is not None}
-
-    @classmethod
-    def read(cls, stored: Mapping[str, Any]) -> Self:
-        """Read the output of `written`."""
-        period, gap = stored.get("period"), stored.get("gap")
-        return cls(
-            stored.get("samples"),
-            stored.get("events"),
-            None if period is None else Fraction(period),
-            stored.get("begin"),
-            stored.get("end"),
-            stored.get("usual_step"),
-            None if gap is None else Gap(**gap),
-        )
-
     @property
     def text(self) -> str:
         """The extent in words: the number of samples or events, the times, the longest gap."""
         return ", ".join(filter(None, (self._times, self._length)))
 
     def lines(self, source: str) -> list[str]:
-        """Return the text in lines of a terminal: one if it fits in 80 columns; otherwise two.
-
-        Args:
-            source: The name of the trace.
-        """
+        """Return the text in lines of a terminal: one if it fits in 80 columns; otherwise two."""
         text = f"{source}: {self.text}"
         if len(text) <= _WIDTH or not self._length:
             return [text]
@@ -206,14 +149,14 @@ class Extent:
         if self.begin is None or self.end is None:
             return f"{phrase}, bounds count samples"
         every = "" if self.period is None else f"one every {number(float(self.period))} s, "
-        begin, end = (time_text(time, self.step) for time in (self.begin, self.end))
+        begin, end = (time_text(time, self.usual_step) for time in (self.begin, self.end))
         return f"{phrase}, {every}{begin} to {end}"
 
     @property
     def _length(self) -> str:
         if self.length is None:
             return ""
-        length = f"{time_text(self.length, self.step)} long"
+        length = f"{time_text(self.length, self.usual_step)} long"
         if self.gap is None:
             return length
         of = f" of {self.gap.of}" if self.gap.of else ""
@@ -226,12 +169,7 @@ def length_text(seconds: float | Fraction | None) -> str:
 
 
 def short_text(extents: Mapping[str, Extent], minimum: Fraction) -> str:
-    """Return a text about traces that are too short; empty without such a trace.
-
-    Args:
-        extents: The extent of each trace, by its name.
-        minimum: The minimum duration of a trace, in seconds.
-    """
+    """Return a text about traces that are too short; empty without such a trace."""
     short = {name: value.length or 0.0 for name, value in extents.items() if value.shorter(minimum)}
     if not short:
         return ""
@@ -241,11 +179,7 @@ def short_text(extents: Mapping[str, Extent], minimum: Fraction) -> str:
 
 
 def gap_summary(extents: Mapping[str, Extent]) -> str:
-    """Return a text about traces with a long gap, and the longest gap; empty without a gap.
-
-    Args:
-        extents: The extent of each trace, by its name.
-    """
+    """Return a text about traces with a long gap, and the longest gap; empty without a gap."""
     gaps = {name: extent.gap for name, extent in extents.items() if extent.gap is not None}
     long = {name: gap for name, gap in gaps.items() if gap.long}
     if not long:

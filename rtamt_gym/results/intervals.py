@@ -18,12 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError
-from rtamt.errors import Argument
-from rtamt_gym.checks.arguments import check_choice, check_count
+from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.extras import naming_extra
 
 QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 """The default shares of `quantiles`."""
+
+CONFIDENCE: Final = 0.95
+"""How often the intervals cover the true value."""
 
 _RESAMPLES: Final = 9999
 
@@ -35,21 +37,10 @@ IntervalKind = Literal["exact", "wilson"]
 """The kinds of intervals of a rate: of Clopper and Pearson, and of Wilson."""
 
 
-def rate_interval(
-    count: int, total: int, kind: IntervalKind = "exact", confidence: float = 0.95
-) -> tuple[float, float]:
-    """Return the interval of a kind for the true rate, from ``count`` of ``total`` trials.
-
-    Raises:
-        InputError: If the kind is unknown, or a number is out of its range.
-
-    Example:
-        >>> [[round(end, 3) for end in rate_interval(6, 10, kind)] for kind in ("exact", "wilson")]
-        [[0.262, 0.878], [0.313, 0.832]]
-    """
+def rate_interval(count: int, total: int, kind: IntervalKind = "exact") -> tuple[float, float]:
+    """Return the 95 % interval of a kind for the true rate, from ``count`` of ``total`` trials."""
     check_choice("interval", kind, get_args(IntervalKind))
-    interval = clopper_pearson if kind == "exact" else wilson
-    return interval(count, total, confidence)
+    return (clopper_pearson if kind == "exact" else wilson)(count, total)
 
 
 def promise(kind: IntervalKind) -> str:
@@ -59,33 +50,17 @@ def promise(kind: IntervalKind) -> str:
     return "of Wilson, holds the true rate in about 95 of 100 evaluations"
 
 
-def clopper_pearson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the exact interval of Clopper and Pearson (1934) for a rate.
+def clopper_pearson(count: int, total: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of Clopper and Pearson (1934) for a rate.
 
-    The interval contains the true rate with a probability of at least ``confidence``, for every
-    rate. At its lower end, ``count`` or more have the probability (1 - confidence) / 2; at its
-    upper end, ``count`` or fewer. It is wider than the interval of `wilson`, which has this
-    coverage on average only.
-
-    Args:
-        count: The number of successes, from 0 to ``total``.
-        total: The number of trials; for 0 trials, the interval is (0, 1).
-        confidence: The minimum probability that the interval contains the rate, between 0 and 1.
-
-    Raises:
-        InputError: If a number is out of its range.
-
-    Example:
-        >>> low, high = clopper_pearson(95, 100)
-        >>> round(low, 3), round(high, 3)
-        (0.887, 0.984)
-        >>> clopper_pearson(0, 100)[0], clopper_pearson(100, 100)[1], clopper_pearson(0, 0)
-        (0.0, 1.0, (0.0, 1.0))
+    The interval contains the true rate with a probability of at least 95 %, for every rate. At its
+    lower end, ``count`` or more have a probability of 2.5 %; at its upper end, ``count`` or fewer.
+    It is wider than the interval of `wilson`, which has this coverage on average only.
     """
-    _check_counts(count, total, confidence)
+    _check_counts(count, total)
     if not total:
         return 0.0, 1.0
-    chance = (1 - confidence) / 2
+    chance = (1 - CONFIDENCE) / 2
     return _lower_rate(count, total, chance), 1.0 - _lower_rate(total - count, total, chance)
 
 
@@ -129,32 +104,17 @@ def _tail(count: int, total: int, rate: float) -> tuple[float, float]:
     return math.fsum(terms), first
 
 
-def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+def wilson(count: int, total: int) -> tuple[float, float]:
     """Return the interval of Wilson (1927) for the true rate, from ``count`` of ``total`` trials.
 
     It lies within 0 and 1: its low end is exactly 0 for a count of 0, its high end exactly 1 for
-    ``total``. Averaged over rates, the coverage is about ``confidence``, but near 0 or 1 it may be
+    ``total``. Averaged over rates, the coverage is about 95 %, but near 0 or 1 it may be
     far less: 84.4 % for a 95 % interval of 100 trials at a rate of 0.9983.
-
-    Args:
-        count: The number of successes, from 0 to ``total``.
-        total: The number of trials; for 0 trials, the interval is (0, 1).
-        confidence: The average coverage, between 0 and 1.
-
-    Raises:
-        InputError: If a number is out of its range.
-
-    Example:
-        >>> low, high = wilson(95, 100)
-        >>> round(low, 3), round(high, 3)
-        (0.888, 0.978)
-        >>> wilson(0, 100)[0], wilson(100, 100)[1], wilson(0, 0)
-        (0.0, 1.0, (0.0, 1.0))
     """
-    _check_counts(count, total, confidence)
+    _check_counts(count, total)
     if not total:
         return 0.0, 1.0
-    z = NormalDist().inv_cdf((1 + confidence) / 2)
+    z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
     middle = (count + z * z / 2) / (total + z * z)
     half = z * math.sqrt(count * (total - count) / total + z * z / 4) / (total + z * z)
     return middle - half if count else 0.0, middle + half if count < total else 1.0
@@ -166,19 +126,6 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
     The quantile of a share is the smallest value that at least this share of the values does not
     exceed. It is always an existing value, never a mean of two, so infinities cause no nan. The
     median of an even number of values is the lower middle value.
-
-    Args:
-        values: The values, in any order, without nan. Without values the result is empty.
-        shares: Numbers from 0 to 1.
-
-    Raises:
-        InputError: If a value is nan.
-
-    Example:
-        >>> dict(quantiles([3.0, -1.0, float("inf"), 2.0]))
-        {0.05: -1.0, 0.25: -1.0, 0.5: 2.0, 0.75: 3.0, 0.95: inf}
-        >>> dict(quantiles([]))
-        {}
     """
     array = _checked(values)
     if not array.size:
@@ -188,70 +135,35 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
 
 
 def median(values: ArrayLike) -> float:
-    """Return the median as `quantiles` defines it; nan without values.
-
-    Example:
-        >>> median([float("-inf"), 1.0, 2.0, float("inf")])
-        1.0
-    """
+    """Return the median as `quantiles` defines it; nan without values."""
     return quantiles(values, [0.5]).get(0.5, math.nan)
 
 
-def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of the median, between two of the values.
+def median_interval(values: ArrayLike) -> tuple[float, float]:
+    """Return the 95 % interval of the median, between two of the values.
 
     If the values are independent, with any distribution, infinities and ties included, it covers
-    the median with a probability of at least ``confidence``, because the number of values below the
+    the median with a probability of at least 95 %, because the number of values below the
     median is binomial. Fewer than six values cannot reach 95 %: their interval is (-inf, inf).
-
-    Raises:
-        InputError: If a value is nan, or ``confidence`` is not between 0 and 1.
-
-    Example:
-        >>> median_interval([1, 2, 3, 4, 5, 6, 7, 8, 9, float("inf")])
-        (2.0, 9.0)
-        >>> median_interval([1, 2, 3])
-        (-inf, inf)
     """
-    check_confidence(confidence)
     array = _checked(values)
     if not array.size:
         return -math.inf, math.inf
     stats = scipy_stats("median_interval")
-    low, high = stats.quantile_test(array, p=0.5).confidence_interval(confidence)
+    low, high = stats.quantile_test(array, p=0.5).confidence_interval(CONFIDENCE)
     return (
         -math.inf if math.isnan(low) else float(low),
         math.inf if math.isnan(high) else float(high),
     )
 
 
-def bootstrap(
-    values: ArrayLike, confidence: float = 0.95, *, seed: int = 0, resamples: int = _RESAMPLES
-) -> tuple[float, float]:
-    """Return the interval of the mean by the bootstrap of Efron (1987), BCa.
+def bootstrap(values: ArrayLike) -> tuple[float, float]:
+    """Return the 95 % interval of the mean by the bootstrap of Efron (1987), BCa.
 
     Use it for independent values of an unknown distribution. The interval lies between the minimum
     and the maximum of the values; if all are equal, both ends are this value. For few values it is
-    too narrow. The same values in the same order and the same seed return the same interval.
-
-    Args:
-        values: Finite values; for fewer than two, the interval is (-inf, inf).
-        confidence: The probability that the interval covers the mean, between 0 and 1.
-        seed: The seed of the resamples.
-        resamples: The number of resamples.
-
-    Raises:
-        InputError: If a value is nan or infinite, or a number is out of its range.
-
-    Example:
-        >>> low, high = bootstrap([0.2, 0.5, 0.3, 0.9, 0.4, 0.6, 0.1, 0.8])
-        >>> round(low, 2), round(high, 2)
-        (0.3, 0.66)
-        >>> bootstrap([1.0, 1.0, 1.0]), bootstrap([1.0])
-        ((1.0, 1.0), (-inf, inf))
+    too narrow. The same values in the same order return the same interval.
     """
-    check_confidence(confidence)
-    check_count(Argument("resamples"), resamples)
     array = _checked(values)
     if not np.isfinite(array).all():
         raise InputError(
@@ -267,10 +179,10 @@ def bootstrap(
         .bootstrap(
             (array,),
             np.mean,
-            confidence_level=confidence,
-            n_resamples=resamples,
+            confidence_level=CONFIDENCE,
+            n_resamples=_RESAMPLES,
             batch=max(1, _AT_ONCE // len(array)),
-            random_state=np.random.default_rng(seed),
+            random_state=np.random.default_rng(0),
         )
         .confidence_interval
     )
@@ -278,16 +190,7 @@ def bootstrap(
 
 
 def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
-    """Return the second values minus the first, pair by pair; 0 for two equal infinities, not nan.
-
-    Raises:
-        InputError: If the numbers of values differ, or a value is nan.
-
-    Example:
-        >>> inf = float("inf")
-        >>> differences([1.0, inf, inf, -inf], [3.0, inf, 0.0, 1.0])
-        array([  2.,   0., -inf,  inf])
-    """
+    """Return the second values minus the first; 0 for two equal infinities, not nan."""
     before, after = _checked(first), _checked(second)
     if len(before) != len(after):
         raise InputError(f"expected as many values in both, got {len(before)} and {len(after)}")
@@ -295,16 +198,9 @@ def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
     return np.subtract(after, before, out=np.zeros(len(before)), where=differing)
 
 
-def _check_counts(count: int, total: int, confidence: float) -> None:
-    check_confidence(confidence)
+def _check_counts(count: int, total: int) -> None:
     if not 0 <= count <= total:
         raise InputError(f"expected a count of 0 to {total}, got {count}")
-
-
-def check_confidence(confidence: float) -> None:
-    """Raise InputError if a confidence is not between 0 and 1."""
-    if not 0 < confidence < 1:
-        raise InputError(f"expected confidence= between 0 and 1, such as 0.95, got {confidence!r}")
 
 
 def _checked(values: ArrayLike) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from rtamt import Verdict
 from rtamt_gym.results.extent import gap_summary, length_text
 from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
 from rtamt_gym.results.provenance import ids_lines
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.statistics import Results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.results.warnings import trigger_line, triggered_in
 from rtamt_gym.tables import counted, number, shorten, table
@@ -75,14 +75,7 @@ class Matrix(Results):
             name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}
             for name in self.requirements
         }
-        result = _worst(columns)
-        if result is None:
-            return None
-        name, counts, least = result
-        total = len(columns[name])
-        words = [f"{value} in {n} of {counted(total, 'trace')}" for value, n in counts if n]
-        words.append(f"minimum {number(columns[name][least].robustness + 0.0)} in {least}")
-        return name, ", ".join(words)
+        return _worst(columns, "{word} in {count} of {total}", "trace", "in")
 
     def worst_trace(self) -> tuple[str, str] | None:
         """Return the name of the trace that violates most requirements, and why; None without one.
@@ -91,34 +84,33 @@ class Matrix(Results):
         the smallest robustness.
         """
         rows = {row.name: row.outcomes for row in self.rows}
-        result = _worst(rows)
-        if result is None:
-            return None
-        name, counts, least = result
-        total = len(rows[name])
-        words = [f"{n} of {counted(total, 'requirement')} {value}" for value, n in counts if n]
-        words.append(f"minimum {number(rows[name][least].robustness + 0.0)} of {least}")
-        return name, ", ".join(words)
+        return _worst(rows, "{count} of {total} {word}", "requirement", "of")
 
 
 def _worst(
-    lines: Mapping[str, Mapping[str, Outcome]],
-) -> tuple[str, list[tuple[str, int]], str] | None:
-    """Return the worst row or column: name, undecided and violated verdicts, minimum."""
-    best: tuple[int, int, float] | None = None
-    result = None
-    for name, line in lines.items():
-        if not line:
-            continue
-        verdicts = [outcome.verdict for outcome in line.values()]
-        violated, open_ = verdicts.count(Verdict.VIOLATED), verdicts.count(Verdict.UNDECIDED)
-        values = {other: outcome.robustness for other, outcome in line.items()}
-        least = min(values, key=lambda other: order(values[other]))
-        badness = violated, open_, -values[least]
-        if best is None or badness > best:
-            best = badness
-            result = name, [("violated", violated), ("undecided", open_)], least
-    return result
+    lines: Mapping[str, Mapping[str, Outcome]], template: str, noun: str, preposition: str
+) -> tuple[str, str] | None:
+    """Return the worst row or column and why, with the template for counts of verdicts."""
+
+    def badness(name: str) -> tuple[int, int, float]:
+        verdicts = [outcome.verdict for outcome in lines[name].values()]
+        lowest = min(outcome.robustness for outcome in lines[name].values())
+        return verdicts.count(Verdict.VIOLATED), verdicts.count(Verdict.UNDECIDED), -lowest
+
+    name = max(filter(lines.get, lines), key=badness, default=None)
+    if name is None:
+        return None
+    violated, undecided, _ = badness(name)
+    outcomes, total = lines[name], counted(len(lines[name]), noun)
+    counts = {"violated": violated, "undecided": undecided}
+    words = [
+        template.format(word=word, count=count, total=total)
+        for word, count in counts.items()
+        if count
+    ]
+    least = min(outcomes, key=lambda other: order(outcomes[other].robustness))
+    words.append(f"minimum {number(outcomes[least].robustness + 0.0)} {preposition} {least}")
+    return name, ", ".join(words)
 
 
 def label(value: Word) -> str:
@@ -241,12 +233,7 @@ def _on_defaults(matrix: Matrix) -> bool:
 
 
 def cell_text(cell: Outcome | Failure, *, on_defaults: bool = False) -> str:
-    """Return a robustness with the letter of its verdict, a blank for satisfied.
-
-    Args:
-        cell: The outcome of a requirement, or the error.
-        on_defaults: Whether any cell of the table rests on a default; a letter marks these cells.
-    """
+    """Return a robustness with the letter of its verdict, a blank for satisfied."""
     if isinstance(cell, Failure):
         return "E"
     letter = {Verdict.VIOLATED: "V", Verdict.UNDECIDED: "U"}.get(cell.verdict, " ")
@@ -302,12 +289,7 @@ def _cut(text: str, width: int) -> str:
 
 
 def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
-    """Return why a verdict is undecided, indented; no line if it is decided.
-
-    Args:
-        not_recorded: The times that the verdict needs and the trace lacks.
-        way_out: How to decide it; empty if it is decided.
-    """
+    """Return why a verdict is undecided, indented; no line if it is decided."""
     return [line for text in (*not_recorded, way_out) for line in indented(text, "    ")]
 
 

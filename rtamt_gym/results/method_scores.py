@@ -84,12 +84,7 @@ class MethodScores:
 
 
 def mean(scores: Floats) -> Any:  # noqa: ANN401 - a number, or one for each resample
-    """Return the mean over tasks of the means over runs.
-
-    Example:
-        >>> float(mean(np.array([[0.0, 1.0], [1.0, 1.0]])))
-        0.75
-    """
+    """Return the mean over tasks of the means over runs."""
     return scores.mean(axis=(-2, -1))
 
 
@@ -97,10 +92,6 @@ def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
     """Return the mean of the middle half of all scores, runs and tasks together.
 
     ``floor(n / 4)`` of n scores are left out at either end, as in SciPy's ``trim_mean``.
-
-    Example:
-        >>> float(interquartile_mean(np.array([[0.0], [0.8], [0.9], [1.0]])))
-        0.85...
     """
     ordered = np.sort(scores.reshape(*scores.shape[:-2], -1), axis=-1)
     cut = ordered.shape[-1] // 4
@@ -108,12 +99,7 @@ def interquartile_mean(scores: Floats) -> Any:  # noqa: ANN401 - as `mean`
 
 
 def profile(scores: Floats, thresholds: Floats) -> Floats:
-    """Return the performance profile: the share of all scores above each threshold.
-
-    Example:
-        >>> profile(np.array([[0.2], [0.8], [1.0]]), np.array([0.0, 0.5, 1.0])).round(2).tolist()
-        [1.0, 0.67, 0.0]
-    """
+    """Return the performance profile: the share of all scores above each threshold."""
     every = scores.reshape(*scores.shape[:-2], -1, 1)
     shares: Floats = (every > thresholds).mean(axis=-2)
     return shares
@@ -124,10 +110,6 @@ def improvement(scores: Floats, other: Floats) -> Any:  # noqa: ANN401 - as `mea
 
     Equal scores count half: this is Mann and Whitney's U as a share of all pairs, averaged over
     tasks.
-
-    Example:
-        >>> float(improvement(np.array([[1.0], [0.5]]), np.array([[0.5], [0.0]])))
-        0.875
     """
     ours, theirs = scores[..., :, None, :], other[..., None, :, :]
     won = (ours > theirs).mean(axis=(-3, -2)) + 0.5 * (ours == theirs).mean(axis=(-3, -2))
@@ -142,21 +124,7 @@ def stratified_bootstrap(
     resamples: int = 10_000,
     seed: int = 0,
 ) -> tuple[Any, Any]:
-    """Return the percentile interval of a statistic over resampled runs of each task.
-
-    Args:
-        samples: The scores of each method, which are drawn independently.
-        statistic: A function of arrays of shape (resamples, runs, tasks), one for each of
-            ``samples``, that returns an array with resamples as its first axis.
-        confidence: The coverage of the interval.
-        resamples: The number of resamples.
-        seed: The seed of the resamples.
-
-    Example:
-        >>> low, high = stratified_bootstrap([np.array([[0.0], [1.0], [1.0], [1.0]])], mean)
-        >>> float(low), float(high)
-        (0.25, 1.0)
-    """
+    """Return the percentile interval of a statistic over resampled runs of each task."""
     rng = np.random.default_rng(seed)
     # A statistic of two methods compares pairs of runs.
     deals = math.prod(len(scores) for scores in samples) * samples[0].shape[1]
@@ -188,10 +156,6 @@ def permutation_p(scores: Floats, other: Floats, *, seed: int = 0) -> float:
     assignments with means at least as far apart as observed. For one task with up to 200,000
     assignments, all are counted. Otherwise 99,999 are drawn, and p is (1 + the number as far apart)
     / 100,000 (Phipson and Smyth, 2010).
-
-    Example:
-        >>> permutation_p(np.array([[0.9], [1.0], [1.0]]), np.array([[0.0], [0.1], [0.0]]))
-        0.1
     """
     both = np.concatenate([scores, other])
     runs, tasks = len(scores), scores.shape[1]

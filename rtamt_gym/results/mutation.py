@@ -7,9 +7,10 @@ The mutation score is the share of killed mutants among all mutants that differ 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final, Literal
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Literal
 
+from rtamt_gym.results.codec import plain, read_fields
 from rtamt_gym.tables import counted, shorten, table, wrapped
 
 MutantSays = Literal["noticed", "missed", "same", "unknown"]
@@ -22,25 +23,7 @@ _WIDTH: Final = 80
 
 @dataclass(frozen=True, slots=True)
 class JudgedMutant:
-    """A mutant of a requirement with its status.
-
-    Attributes:
-        kind: The kind of the change, a name in `rtamt.mutation.MUTATIONS`.
-        line: The line of the requirement's text, from 1.
-        column: The column, from 1.
-        before: The text in the requirement.
-        after: The text in the mutant; empty if the mutant removes it.
-        formula: The formula of the mutant.
-        says: The status.
-        noticed_by: The first trace that kills it; empty if it survived.
-        samples: For an unknown mutant: no trace of up to this number of samples, with a repeating
-            end, kills it; 0 if even this is unknown.
-        why: The reason for the status ``"unknown"``.
-        apart: A trace that would kill it, with a list of values for each variable; None if no such
-            trace is known.
-        satisfies: Whether ``apart`` satisfies the ``"requirement"`` or the ``"mutant"``; empty
-            without ``apart``.
-    """
+    """A mutant of a requirement with its status."""
 
     kind: str
     line: int
@@ -50,10 +33,12 @@ class JudgedMutant:
     formula: str
     says: MutantSays
     noticed_by: str = ""
-    samples: int = 0
+    samples: int = 0  # no shorter trace kills an unknown mutant; 0 if even this is unknown
     why: str = ""
-    apart: Mapping[str, tuple[float, ...]] | None = None
+    apart: Mapping[str, tuple[float, ...]] | None = None  # a trace that would kill it
     satisfies: Literal["", "requirement", "mutant"] = ""
+
+    sparse: ClassVar = True
 
     @property
     def change(self) -> str:
@@ -77,14 +62,7 @@ class JudgedMutant:
 
 @dataclass(frozen=True, slots=True)
 class MutationScore:
-    """The mutants of a requirement under a suite of traces.
-
-    Attributes:
-        mutants: The judged mutants, in the order of the text.
-        capped: Whether there may be more mutants.
-        left_out: The number of mutants that were not judged, because they read only the first
-            sample of a trace.
-    """
+    """The mutants of a requirement under a suite of traces."""
 
     mutants: tuple[JudgedMutant, ...]
     capped: bool = False
@@ -118,20 +96,14 @@ class MutationScore:
             "share": self.share,
             "capped": self.capped,
             "left_out": self.left_out,
-            "list": [_written(mutant) for mutant in self.mutants],
+            "list": plain(self.mutants),
         }
 
     @classmethod
     def read(cls, stored: Mapping[str, Any]) -> MutationScore:
         """Read the output of `written`."""
-        mutants = tuple(JudgedMutant(**item) for item in stored["list"])
+        mutants = tuple(read_fields(JudgedMutant, item) for item in stored["list"])
         return cls(mutants, stored["capped"], stored.get("left_out", 0))
-
-
-def _written(mutant: JudgedMutant) -> dict[str, Any]:
-    stored = {field.name: getattr(mutant, field.name) for field in fields(mutant)}
-    left_out = {"noticed_by": "", "samples": 0, "why": "", "apart": None, "satisfies": ""}
-    return {name: value for name, value in stored.items() if left_out.get(name, ...) != value}
 
 
 def percent(share: float | None) -> str:

@@ -1,9 +1,9 @@
 """`Outcome`: the result of one requirement in one run or trace; `Moment`: its time.
 
 To add a field of `Outcome`: the field with a default here, and its line in `plain_outcome` and
-`outcome_of` of `rtamt_gym.results.codec`. To show it on the page, add it to `Requirement` in
-`rtamt_gym.reports.model`, to `evidence` in `rtamt_gym.reports.requirements`, and to the first line
-of the page in `rtamt_gym.reports.html`.
+`outcome_of` of `rtamt_gym.results.codec`. To show it on the page, add it to `TrialRow` in
+`rtamt_gym.reports.model`, to `_evidence` in `rtamt_gym.reports.requirements`, and to `standing_of`
+in `rtamt_gym.reports.html` for the first line of the page.
 """
 
 from __future__ import annotations
@@ -228,12 +228,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a requirement could not be judged.
-
-    Attributes:
-        message: The message of the error.
-        traceback: The traceback of an unexpected error; otherwise empty.
-    """
+    """Why a requirement could not be judged."""
 
     message: str
     traceback: str = ""

@@ -3,8 +3,8 @@
 Stored results are valid only for the model that produced them. Before they are used again, their
 fingerprint is compared with the fingerprint of the current model.
 
-To add a field of the provenance, such as a version or a hash: the field of `Provenance`, and its
-line in `plain_provenance` and `provenance_of`. All results and all file formats then have it.
+To add a field of the provenance, such as a version or a hash: the field of `Provenance`. All
+results and all file formats then have it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import textwrap
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import ClassVar, Final, Self
 
 from rtamt import InputError, Specification
 from rtamt.errors import Argument, shown
@@ -49,6 +49,8 @@ class Fingerprint:
     packages: Mapping[str, str] = field(default_factory=dict)
     unseen: tuple[str, ...] = ()
     policy: tuple[str, ...] = ()
+
+    sparse: ClassVar = True
 
     def changes(self, now: Fingerprint, *, without: Collection[str] = ()) -> list[str]:
         """Return the changes since this fingerprint, each as a clause.
@@ -82,18 +84,6 @@ class Fingerprint:
         contents = {name: value for name, value in self.contents.items() if name in other.contents}
         values = {name: value for name, value in self.values.items() if name in other.values}
         return replace(self, contents=contents, values=values)
-
-    def plain(self) -> dict[str, Any]:
-        """Return the fingerprint as JSON holds it; empty fields are left out."""
-        fields: dict[str, Any] = {
-            "contents": dict(self.contents),
-            "values": dict(self.values),
-            "simulators": dict(self.simulators),
-            "packages": dict(self.packages),
-            "unseen": list(self.unseen),
-            "policy": list(self.policy),
-        }
-        return {name: value for name, value in fields.items() if value}
 
     @classmethod
     def read(cls, stored: object) -> Self | None:
@@ -144,16 +134,7 @@ class ChangedModelError(InputError):
 
 
 def check_unchanged(place: str, changes: list[str], way_out: str) -> None:
-    """Raise InputError if the model of stored results has changed.
-
-    Args:
-        place: Where the results are stored.
-        changes: The changes, as `Fingerprint.changes` returns them.
-        way_out: The alternative to accepting the change, for the error.
-
-    Raises:
-        ChangedModelError: If anything has changed, with both ways out.
-    """
+    """Raise InputError if the model of stored results has changed."""
     if changes:
         raise ChangedModelError(
             f"{place} holds results of another model or version: {listed(changes)}; {way_out}, or "
@@ -171,24 +152,10 @@ def listed(changes: list[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """Stored results of one model next to later results of another.
-
-    Attributes:
-        count: The number of results that were stored before.
-        changes: The changes since; () if the results were stored without a fingerprint.
-    """
+    """Stored results of one model next to later results of another."""
 
     count: int
     changes: tuple[str, ...]
-
-    def plain(self) -> dict[str, Any]:
-        """Return the mixture as JSON holds it."""
-        return {"count": self.count, "changes": list(self.changes)}
-
-    @classmethod
-    def read(cls, stored: Mapping[str, Any]) -> Self:
-        """Return the mixture that `plain` has written."""
-        return cls(stored["count"], tuple(stored["changes"]))
 
     def line(self, trial: str) -> str:
         """Return a sentence on the results, which are simulations or episodes."""
@@ -200,16 +167,7 @@ class Mixture:
 
 @dataclass(frozen=True, slots=True)
 class Reuse:
-    """Results that came from a folder, and how far their model is known to be the same.
-
-    Attributes:
-        folder: The folder.
-        reused: The number of results that were stored before this run.
-        total: The number of all results.
-        mixtures: Results of other models among them.
-        notes: Other versions of packages that do not simulate, each a clause.
-        unseen: Parts of the model whose changes cannot be detected.
-    """
+    """Results that came from a folder, and how far their model is known to be the same."""
 
     folder: str
     reused: int
@@ -217,6 +175,8 @@ class Reuse:
     mixtures: tuple[Mixture, ...] = ()
     notes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+
+    sparse: ClassVar = True
 
     def lines(self, trial: str) -> list[str]:
         """Return the lines that a summary shows; ``trial`` is the word for one result."""
@@ -228,49 +188,21 @@ class Reuse:
         lines += [f"note: {note}" for note in self.notes]
         return lines + [f"note: a change of {item} cannot be seen" for item in self.unseen]
 
-    def plain(self) -> dict[str, Any]:
-        """Return the fields as JSON holds them; empty lists are left out."""
-        fields: dict[str, Any] = {
-            "folder": self.folder,
-            "reused": self.reused,
-            "total": self.total,
-            "mixtures": [mixture.plain() for mixture in self.mixtures],
-            "notes": list(self.notes),
-            "unseen": list(self.unseen),
-        }
-        return {name: value for name, value in fields.items() if value != []}
-
-    @classmethod
-    def read(cls, stored: Mapping[str, Any] | None) -> Self | None:
-        """Return the object that `plain` has written, or None."""
-        if stored is None:
-            return None
-        mixtures = tuple(map(Mixture.read, stored.get("mixtures", ())))
-        notes, unseen = (tuple(stored.get(name, ())) for name in ("notes", "unseen"))
-        return cls(stored["folder"], stored["reused"], stored["total"], mixtures, notes, unseen)
-
 
 _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """The inputs and versions that produced results.
-
-    Attributes:
-        ids: The ids of requirements with an id, by name.
-        versions: The versions of Python and of the packages that were in use.
-        files: The SHA-256 of each file that was read (trace, specification, model) in hexadecimal
-            digits, by its path as `rtamt.errors.shown` writes it.
-        fingerprint: Hashes and versions of the simulated model; None without a model.
-        reuse: How many results a folder held before; None without a folder.
-    """
+    """The inputs and versions that produced results."""
 
     ids: Mapping[str, RequirementId] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
     fingerprint: Fingerprint | None = None
     reuse: Reuse | None = None
+
+    sparse: ClassVar = True
 
     @classmethod
     def of(
@@ -326,10 +258,6 @@ def ids_lines(provenance: Provenance) -> list[str]:
 def reuse_lines(provenance: Provenance, trial: str) -> list[str]:
     """Return how many results came from a folder, and whether their model differs.
 
-    Args:
-        provenance: The provenance of the results.
-        trial: The word for a trial, such as ``simulation``.
-
     Example:
         >>> reuse_lines(Provenance(reuse=Reuse("runs", 40, 100)), "simulation")
         ['reused 40 of 100 simulations from runs']
@@ -341,29 +269,3 @@ def reuse_lines(provenance: Provenance, trial: str) -> list[str]:
         for text in provenance.reuse.lines(trial)
         for line in textwrap.wrap(text, 80, subsequent_indent="  ", break_on_hyphens=False)
     ]
-
-
-def plain_provenance(provenance: Provenance) -> dict[str, Any]:
-    """Return the provenance as a JSON object, without empty fields."""
-    ids = {
-        name: {"id": value.id, "link": value.link} if value.link else {"id": value.id}
-        for name, value in provenance.ids.items()
-    }
-    stored = {
-        "ids": ids,
-        "versions": dict(provenance.versions),
-        "files": dict(provenance.files),
-        "fingerprint": provenance.fingerprint and provenance.fingerprint.plain(),
-        "reuse": provenance.reuse and provenance.reuse.plain(),
-    }
-    return {name: value for name, value in stored.items() if value}
-
-
-def provenance_of(stored: Mapping[str, Any]) -> Provenance:
-    """Read the output of `plain_provenance`."""
-    ids = {name: RequirementId(**value) for name, value in stored.get("ids", {}).items()}
-    fingerprint, reuse = (
-        Fingerprint.read(stored.get("fingerprint")),
-        Reuse.read(stored.get("reuse")),
-    )
-    return Provenance(ids, stored.get("versions", {}), stored.get("files", {}), fingerprint, reuse)

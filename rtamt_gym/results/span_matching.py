@@ -23,55 +23,32 @@ ROUNDING: Final = 1e-14
 
 
 class TimeSpan(NamedTuple):
-    """A half-open interval of time, ``start <= t < stop``, which is never empty.
-
-    Attributes:
-        start: The first time.
-        stop: The end.
-        censored: Whether it may last longer, because the recording ends.
-    """
+    """A half-open interval of time, ``start <= t < stop``, which is never empty."""
 
     start: float
     stop: float
-    censored: bool = False
+    censored: bool = False  # it may last longer, because the recording ends
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedSpans:
-    """The spans of one body in one recording.
-
-    Attributes:
-        violated: The violations, in order and without overlaps.
-        unknown: The times that the recording does not decide, in the same form.
-        recorded: The recorded time.
-        ahead: The violation at an instant after the recording, as its place in ``violated``; None
-            without one.
-        satisfied: Whether the requirement is satisfied, also after the recording.
-    """
+    """The spans of one body in one recording."""
 
     violated: Sequence[TimeSpan]
     unknown: Sequence[TimeSpan]
     recorded: TimeSpan
-    ahead: int | None = None
+    ahead: int | None = None  # the place of the violation at an instant after the recording
     satisfied: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class SpanMatches:
-    """The violations of two recordings, matched.
-
-    Attributes:
-        pairs: The places of the partners in A and B, in the order of A.
-        of_a: The status of each violation of A.
-        of_b: The status of each violation of B.
-        open_a: The unknown spans of A at times that B decides as not violated.
-        open_b: The unknown spans of B at times that A decides as not violated.
-    """
+    """The violations of two recordings, matched."""
 
     pairs: tuple[tuple[int, int], ...]
     of_a: tuple[Status, ...]
     of_b: tuple[Status, ...]
-    open_a: int
+    open_a: int  # unknown spans of A at times that B decides as not violated
     open_b: int
 
 
@@ -81,19 +58,6 @@ def match_spans(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> SpanMat
     First, overlapping violations become partners, the longest overlap first. Then violations become
     partners if their starts differ by at most the tolerance, the nearest starts first. Equal
     candidates are taken in the order of time, so that exchanging A and B exchanges the result.
-
-    Args:
-        a: The violations of A.
-        b: The violations of B, on the same clock.
-        tolerance: Times that differ by at most this much are equal.
-
-    Example:
-        >>> recorded = TimeSpan(0, 100)
-        >>> a = RecordedSpans([TimeSpan(10, 12), TimeSpan(40, 41)], [], recorded)
-        >>> b = RecordedSpans([TimeSpan(10, 12.5), TimeSpan(70, 71)], [], recorded)
-        >>> matches = match_spans(a, b, tolerance=0)
-        >>> matches.pairs, matches.of_a, matches.of_b
-        (((0, 0),), ('longer', 'gone'), ('longer', 'new'))
     """
     every = (*a.violated, *a.unknown, *b.violated, *b.unknown, a.recorded, b.recorded)
     ends = [abs(end) for span in every for end in span[:2] if math.isfinite(end)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import rtamt
     from rtamt.monitors import TriggerCount
     from rtamt_gym.results.outcome import Failure, Outcome, Word
-    from rtamt_gym.results.table import Results
+    from rtamt_gym.results.statistics import Results
     from rtamt_gym.results.trial import Trial
 
 INTERRUPTED: Final = 130
@@ -61,13 +61,7 @@ class VerdictWarning:
 
 @dataclass(frozen=True, slots=True)
 class Required:
-    """Evidence that a command requires for every requirement with an implication.
-
-    Attributes:
-        triggered: The number of trials that must trigger the requirement, or ``"all"``; None: any
-            number.
-        answered: Whether the verdict of at least one trial must rest on an answer.
-    """
+    """Evidence that a command requires for every requirement with an implication."""
 
     triggered: int | Literal["all"] | None = None
     answered: bool = False
@@ -86,10 +80,6 @@ def exit_code(words: Collection[Word], warnings: Iterable[VerdictWarning] = ()) 
 
     Bad input also exits with 2, through an error that `rtamt_gym.__main__` prints.
 
-    Args:
-        words: The outcomes of requirements, in words; repetitions are allowed.
-        warnings: The warnings on the verdicts.
-
     Example:
         >>> exit_code({"violated", "failed"}), exit_code({"violated", "undecided"})
         (2, 1)
@@ -107,12 +97,7 @@ def exit_code(words: Collection[Word], warnings: Iterable[VerdictWarning] = ()) 
 
 
 def print_warnings(warnings: Iterable[VerdictWarning], *, stderr: bool = False) -> None:
-    """Print warnings after an empty line, in lines of at most 80 columns.
-
-    Args:
-        warnings: The warnings.
-        stderr: Whether to print to standard error, without the empty line, as next to JSON.
-    """
+    """Print warnings after an empty line, in lines of at most 80 columns."""
     lines = [line for warning in warnings for line in wrapped(warning.text)]
     if lines:
         lines = lines if stderr else ["", *lines]
@@ -126,11 +111,6 @@ def evidence_warnings(
 
     They report requirements and implications that no trial triggered, requirements that too few
     triggered, and verdicts that did not rest on an answer.
-
-    Args:
-        results: The trials.
-        trial: The word for a trial.
-        required: The evidence that a command requires.
     """
     never, seldom, partly, unanswered = [], [], list[VerdictWarning](), []
     for name in results.requirements:
@@ -175,11 +155,7 @@ def evidence_warnings(
 
 
 def bare_variable_warnings(requirements: Mapping[str, str]) -> Iterator[VerdictWarning]:
-    """Yield warnings on variables that stand alone as formulas, which 0 satisfies.
-
-    Args:
-        requirements: The formulas of the requirements as text.
-    """
+    """Yield warnings on variables that stand alone as formulas, which 0 satisfies."""
     for name, text in requirements.items():
         if bare := bare_variables(text):
             first = bare[0]
@@ -243,13 +219,7 @@ def _partly_triggered(
 
 
 def undecided_warnings(results: Results, trial: str, *, fails: bool) -> list[VerdictWarning]:
-    """Return the warnings on undecided trials.
-
-    Args:
-        results: The trials.
-        trial: The word for a trial.
-        fails: Whether the command fails for a requirement that no trial decides.
-    """
+    """Return the warnings on undecided trials."""
     counts = {name: undecided_in(results, name) for name in results.requirements}
     return [
         VerdictWarning(
@@ -297,13 +267,7 @@ def range_warnings(rows: Sequence[Trial]) -> list[VerdictWarning]:
 
 
 def failure_warnings(failed: int, allowed: int | None, text: str) -> list[VerdictWarning]:
-    """Return the warning on failed simulations, which fails if more failed than are allowed.
-
-    Args:
-        failed: The number of failed simulations.
-        allowed: The value of ``--allow-failures``.
-        text: The result of the other simulations, and the number of failures.
-    """
+    """Return the warning on failed simulations, which fails if more failed than are allowed."""
     if not failed or allowed is None:
         return []
     fails = failed > allowed
@@ -367,11 +331,7 @@ def undecided_in(results: Results, name: str) -> tuple[int, int]:
 
 
 def never_triggered_word(*, unknown: bool) -> str:
-    """Return the words for a requirement without a trigger.
-
-    Args:
-        unknown: Whether values are unknown, so that the left side of an implication may hold.
-    """
+    """Return the words for a requirement without a trigger."""
     return "not certainly triggered" if unknown else "never triggered"
 
 
@@ -389,12 +349,7 @@ def trigger_line(results: Results) -> str:
 def trigger_texts(
     implications: Sequence[TriggerCount | rtamt.dense.TriggerCount], instant: Callable[[float], str]
 ) -> list[str]:
-    """Return how often each implication was triggered, in words; may be empty.
-
-    Args:
-        implications: The counts of the implications.
-        instant: Writes a sample, or in dense time a time.
-    """
+    """Return how often each implication was triggered, in words; may be empty."""
     return [
         f"triggered {counted(row.count, 'time')}, first at {instant(row.first)}"
         + ", satisfied without an answer" * row.vacuous

@@ -21,13 +21,7 @@ JOB = ".github/workflows/requirements.yml"
 
 @dataclass(frozen=True)
 class Starter:
-    """The start of a tutorial.
-
-    Attributes:
-        about: Its purpose, in a line.
-        extras: The extras of rtamt that it needs.
-        begin: The first command.
-    """
+    """The start of a tutorial."""
 
     about: str
     extras: str
@@ -74,12 +68,7 @@ def starter_files(name: str) -> dict[str, str]:
 
 
 def write_starter(name: str, folder: Path) -> list[str]:
-    """Write the files of a starter into a folder; return their paths in it.
-
-    Raises:
-        InputError: If a file exists already, or a file has the name of a folder; nothing is written
-            then.
-    """
+    """Write the files of a starter into a folder; return their paths in it."""
     files = starter_files(name)
     there = [file for file in files if (folder / file).exists() or (folder / file).is_symlink()]
     if there:

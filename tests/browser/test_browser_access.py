@@ -14,8 +14,7 @@ from playwright.sync_api import Browser, Page
 from report_example import EXAMPLE
 
 from rtamt.errors import shown
-from rtamt_gym.reports.figures import trial_figures
-from rtamt_gym.reports.model import Counts, Figure, Report, Requirement, Section, Text
+from rtamt_gym.reports.model import Figure, Report, Section, Text
 
 EVALUATION = EXAMPLE.sections[0]
 UPRIGHT = EVALUATION.requirements[0]
@@ -142,7 +141,6 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
             name=name,
             words=name,
             formula=name,
-            note=name,
             blocks=(Text(name),),
             trials=(replace(UPRIGHT.trials[1], label=name, text=name, case=(name,)),),
             worst=(
@@ -157,7 +155,6 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
                         ),
                     ),
                     explanation=name,
-                    note=name,
                 ),
             ),
         )
@@ -206,13 +203,8 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
     none = replace(
         UPRIGHT,
         name="none",
-        counts=Counts(0, 0, 0, 0, 0),
         rate=0.0,
         interval=(0.0, 1.0),
-        robustness=(),
-        verdicts=(),
-        quantiles={},
-        first_violations=(),
         trials=(),
         worst=(),
     )
@@ -221,9 +213,10 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
     infinite = replace(
         UPRIGHT,
         name="infinite",
-        robustness=(-math.inf, math.inf),
-        verdicts=("violated", "satisfied"),
-        quantiles={"0.05": -math.inf, "0.25": -math.inf, "0.5": 0.0, "0.75": 1.0, "0.95": math.inf},
+        trials=tuple(
+            replace(trial, robustness=math.inf if trial.verdict == "satisfied" else -math.inf)
+            for trial in UPRIGHT.trials
+        ),
         worst=(
             replace(episode, robustness=endless, upper=endless, predicates={"p": endless}),
             replace(episode, label="short", **_first(episode)),
@@ -232,9 +225,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
     single = replace(
         UPRIGHT,
         name="single",
-        robustness=(0.0,),
-        verdicts=("satisfied",),
-        trials=UPRIGHT.trials[:1],
+        trials=(replace(UPRIGHT.trials[-1], robustness=0.0),),
         worst=(),
     )
     many = tuple(replace(UPRIGHT, name=f"r{i}", worst=()) for i in range(30))
@@ -242,7 +233,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         "edges",
         "rtamt",
         (
-            replace(EVALUATION, requirements=tuple(map(_drawn, (none, infinite, single)))),
+            replace(EVALUATION, requirements=(none, infinite, single)),
             Section("evaluation", "thirty", requirements=many),
             Section("sweep", "nothing"),
         ),
@@ -256,12 +247,6 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
         assert page.locator("[data-chart]").count() == 4 + 1 + 2 * 30
         assert page.locator("#evaluation-none .rate").inner_text() == "nothing evaluated"
         assert beyond(page) <= 0
-
-
-def _drawn(requirement: Requirement) -> Requirement:
-    """Draw the figures of a changed requirement again."""
-    figures = trial_figures(requirement, "episode", EVALUATION.unit)
-    return replace(requirement, figures=tuple(figures))
 
 
 def _first(episode: Any) -> dict[str, Any]:  # noqa: ANN401 - an episode of one sample

@@ -32,7 +32,7 @@ def loaded(browser: Browser, example: Path) -> Iterator[Page]:
 def page(loaded: Page) -> Page:
     """Return the page with a filter that accepts everything."""
     loaded.get_by_role("button", name="Clear").click()
-    loaded.locator("#count", has_text="3 requirements, 27 runs listed").wait_for()
+    loaded.locator("#count", has_text="3 requirements, 37 runs listed").wait_for()
     return loaded
 
 
@@ -51,7 +51,7 @@ def test_a_requirement_is_chosen(page: Page) -> None:
     assert articles(page) == [UPRIGHT, "comparison-upright"]
     assert page.locator("li[data-glance]:visible").count() == 2
     assert page.locator("section.result:visible h2").count() == 2
-    assert page.locator("#count").inner_text() == "1 of 3 requirements, 20 of 27 runs listed"
+    assert page.locator("#count").inner_text() == "1 of 3 requirements, 20 of 37 runs listed"
     page.locator("select[name=requirement]").select_option("dry")
     assert articles(page) == ["sweep-dry", "search-dry", "matrix-dry"]
     assert page.locator("table.matrix tbody tr:visible").count() == 3
@@ -76,7 +76,7 @@ def test_a_verdict_is_chosen(page: Page, verdict: str) -> None:
     names = {name.partition("-")[2] for name in wanted}
     count = len({(name.partition("-")[0], each) for name, of in wanted.items() for each in of})
     assert page.locator("#count").inner_text() == (
-        f"{len(names)} of 3 requirements, {count} of 27 runs listed"
+        f"{len(names)} of 3 requirements, {count} of 37 runs listed"
     )
 
 
@@ -96,7 +96,7 @@ def test_text_is_found_in_names_words_formulas_and_runs(page: Page) -> None:
     text.fill("no such thing")
     assert articles(page) == []
     assert page.locator("#nothing").is_visible()
-    assert page.locator("#count").inner_text() == "0 of 3 requirements, 0 of 27 runs listed"
+    assert page.locator("#count").inner_text() == "0 of 3 requirements, 0 of 37 runs listed"
 
 
 def test_the_address_restores_filter_and_position(

@@ -12,6 +12,7 @@ import numpy as np
 from rtamt import Verdict
 from rtamt_gym import Case, Parameter, falsify, simulate, sweep
 from rtamt_gym.reports.model import Figure, Section
+from rtamt_gym.reports.requirements import with_trials
 from rtamt_gym.results import Evaluation, Falsification, Record, Run, Sweep
 from rtamt_gym.results.outcome import Moment, Outcome
 from rtamt_gym.results.trial import Trial
@@ -22,7 +23,8 @@ SPACE = [Parameter("inflow", 0.1, 0.3, unit="m3/s"), Parameter("leak", 0.1, 0.2)
 
 def figures(section: Section, kind: str) -> list[Figure]:
     """Return the charts of a kind in a section, in order."""
-    drawn = [*section.figures, *(each for r in section.requirements for each in r.figures)]
+    requirements = [with_trials(each, section) for each in section.requirements]
+    drawn = [*section.figures, *(each for r in requirements for each in r.figures)]
     return [each for each in drawn if isinstance(each, Figure) and each.kind == kind]
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 from rtamt import Verdict
 from rtamt.checking import Answer, Example, ExampleTrace, RequirementExamples
@@ -14,13 +16,10 @@ from rtamt_gym.reports.figures import (
     convergence_figure,
     map_figure,
     pairs_figure,
-    trial_figures,
 )
 from rtamt_gym.reports.model import (
-    NOUNS,
     Cell,
     Column,
-    Counts,
     Decision,
     Facts,
     Figure,
@@ -29,13 +28,13 @@ from rtamt_gym.reports.model import (
     Requirement,
     Row,
     Section,
-    SectionKind,
     ShownEpisode,
     Table,
     Text,
     TrialRow,
     numbers_table,
 )
+from rtamt_gym.reports.requirements import worst_first
 from rtamt_gym.results.outcome import Moment, Word
 
 _PIXEL = (
@@ -72,7 +71,6 @@ _EPISODE = ShownEpisode(
         ),
     ),
     decided_at=Moment(round(_AT / 0.02), _AT),
-    seed=17,
     explanation=f"robustness {_MARGIN[_WORST]:.4g} at 0 s, decided by abs(angle) < 0.2",
     frames=(
         Picture(0.0, _PIXEL, "the pole at 0 s"),
@@ -80,67 +78,59 @@ _EPISODE = ShownEpisode(
     ),
 )
 
+_FAILED = TrialRow(
+    "seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"
+)
+_NOTE = "2 episodes that ended at their violation saved 16.2 simulated seconds"
+
+
+def _seeds(
+    verdict: Word, robustness: Sequence[float], seeds: Sequence[int], duration: float
+) -> Iterator[TrialRow]:
+    for seed, value in zip(seeds, robustness, strict=True):
+        yield TrialRow(f"seed {seed}", verdict, value, None, duration, 50 * duration, seed)
+
+
 _UPRIGHT = Requirement(
-    name="upright",
-    words="at all times, the absolute value of angle is less than 0.2",
-    formula="always(abs(angle) < 0.2)",
-    counts=Counts(20, 17, 2, 0, 1),
-    rate=0.85,
-    interval=(0.6395894, 0.9476195),
-    robustness=tuple(sorted((_MARGIN[_WORST], -0.05, *(0.01 * i for i in range(1, 18))))),
-    verdicts=(*("violated",) * 2, *("satisfied",) * 17),
-    quantiles={"0.05": -0.05, "0.25": 0.03, "0.5": 0.08, "0.75": 0.13, "0.95": 0.17},
-    first_violations=(_AT, 1.9),
-    trials=(
-        TrialRow(
-            "seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"
-        ),
+    "upright",
+    "at all times, the absolute value of angle is less than 0.2",
+    "always(abs(angle) < 0.2)",
+    (
+        _FAILED,
         TrialRow(
             "seed 17", "violated", _MARGIN[_WORST], Moment(round(_AT / 0.02), _AT), 2.0, 61.0, 17
         ),
         TrialRow("seed 9", "violated", -0.05, Moment(95, 1.9), 2.0, 96.0, 9),
-        *(
-            TrialRow(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
-            for i in range(20)
-            if i not in (4, 9, 17)
+        *_seeds(
+            "satisfied",
+            [0.01 * i for i in range(1, 18)],
+            [i for i in range(20) if i not in (4, 9, 17)],
+            2.0,
         ),
     ),
     worst=(_EPISODE,),
-    note="2 episodes that ended at their violation saved 16.2 simulated seconds",
+    rate=0.85,
+    interval=(0.6395894, 0.9476195),
+    note=_NOTE,
 )
 
-_CENTRED = replace(
-    _UPRIGHT,
-    name="centred",
-    words="within the first 2 s, position is at least 0.1 at some time",
-    formula="eventually[0:2](position >= 0.1)",
-    counts=Counts(20, 15, 0, 4, 1),
+_CENTRED = Requirement(
+    "centred",
+    "within the first 2 s, position is at least 0.1 at some time",
+    "eventually[0:2](position >= 0.1)",
+    (
+        _FAILED,
+        *_seeds("undecided", [-math.inf, 0.02, 0.04, 0.06], [3, 5, 6, 7], 0.4),
+        *_seeds(
+            "satisfied",
+            [*(0.02 * i for i in range(4, 18)), math.inf],
+            [i for i in range(20) if i not in (3, 4, 5, 6, 7)],
+            2.0,
+        ),
+    ),
     rate=0.75,
     interval=(0.531299, 0.888138),
-    robustness=(-math.inf, *(0.02 * i for i in range(1, 18)), math.inf),
-    verdicts=(*("undecided",) * 4, *("satisfied",) * 15),
-    quantiles={"0.05": -math.inf, "0.25": 0.08, "0.5": 0.18, "0.75": 0.28, "0.95": 0.36},
-    first_violations=(),
-    trials=(
-        TrialRow("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
-        TrialRow("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
-        TrialRow("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
-    ),
-    left_out=17,
-    worst=(),
-    note="",
 )
-
-
-def _shown(
-    requirement: Requirement, kind: SectionKind, unit: str = "s", *figures: Figure
-) -> Requirement:
-    """Return a requirement with its note and its charts."""
-    return replace(
-        requirement,
-        blocks=(Text(requirement.note),) if requirement.note else (),
-        figures=(*trial_figures(requirement, NOUNS[kind], unit), *figures),
-    )
 
 
 _EVALUATION = Section(
@@ -151,7 +141,7 @@ _EVALUATION = Section(
     replay="rtamt run CartPole-v1 --policy sb3:model.zip --seed {seed}",
     facts=(("episodes", "20"), ("seeds", "0 to 19"), ("period", "0.02 s")),
     notes=("The test has decided after 20 of 200 episodes: the rate is below 0.95.",),
-    requirements=(_shown(_UPRIGHT, "evaluation"), _shown(_CENTRED, "evaluation")),
+    requirements=(_UPRIGHT, _CENTRED),
     returns=(61.0, 96.0, *(100.0,) * 17),
     durations=(0.4, *(2.0,) * 19),
 )
@@ -164,40 +154,39 @@ _WORDS: tuple[tuple[Word, ...], ...] = (
     ("satisfied", "satisfied", "failed"),
 )
 
-_DRY = Requirement(
-    name="dry",
-    words="at all times, level is less than 2",
-    formula="always(level < 2)",
-    counts=Counts(9, 7, 1, 0, 1),
-    rate=None,
-    interval=None,
-    robustness=(-0.73, 0.046, 0.135, 0.682, 1.0, 1.0, 1.0, 1.0),
-    verdicts=("violated", *("satisfied",) * 7),
-    quantiles={"0.05": -0.4584, "0.25": 0.11275, "0.5": 0.841, "0.75": 1.0, "0.95": 1.0},
-    first_violations=(11.0,),
-    trials=(
-        TrialRow(
-            "simulation 3",
-            "violated",
-            -0.73,
-            Moment(11, 11.0),
-            19.0,
-            case=("inflow = 0.3", "leak = 0.1"),
-        ),
-        TrialRow(
-            "simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")
-        ),
-    ),
-    left_out=7,
-    worst=(replace(_EPISODE, label="simulation 3", case=("inflow = 0.3",), frames=(), seed=None),),
-)
 
-_CASES = {
+def _dry(trials: Sequence[TrialRow], *figures: Figure) -> Requirement:
+    worst = replace(_EPISODE, label="simulation 3", case=("inflow = 0.3",), frames=())
+    return Requirement(
+        "dry",
+        "at all times, level is less than 2",
+        "always(level < 2)",
+        tuple(trials),
+        worst=(worst,),
+        figures=figures,
+    )
+
+
+_CASES: dict[str, Any] = {
     "labels": tuple(f"simulation {i + 1}" for i in range(9)),
     "columns": {"inflow": _GRID * 3, "leak": (0.1, 0.1, 0.1, 0.15, 0.15, 0.15, 0.2, 0.2, 0.2)},
     "robustness": {"dry": tuple(cell for cells in _CELLS for cell in cells)},
     "verdicts": {"dry": ("satisfied", "satisfied", "violated", *("satisfied",) * 5, "failed")},
 }
+_TANKS = sorted(
+    (
+        TrialRow(label, word, value, Moment(11, 11.0) if word == "violated" else None, 19.0)
+        for label, word, value in zip(
+            _CASES["labels"],
+            _CASES["verdicts"]["dry"],
+            _CASES["robustness"]["dry"],
+            strict=True,
+        )
+    ),
+    key=worst_first,
+)
+_TANKS[1] = replace(_TANKS[1], case=("inflow = 0.3", "leak = 0.1"))
+
 _POINTS = cases_figure(_CASES, "dry", 0)
 _MAP = map_figure(
     "dry", ("inflow", "leak"), (_GRID, (0.1, 0.15, 0.2)), _CELLS, _WORDS, folded=False
@@ -216,7 +205,7 @@ _SWEEP = Section(
     system="tank",
     unit="steps",
     facts=(("simulations", "9"), ("sampler", "grid")),
-    requirements=(_shown(_DRY, "sweep", "steps", _MAP, _POINTS),),
+    requirements=(_dry(_TANKS, _MAP, _POINTS),),
     durations=(19.0,) * 9,
     cases=_CASES,
 )
@@ -228,9 +217,7 @@ _SEARCH = Section(
     unit="steps",
     facts=(("optimizer", "portfolio"), ("budget", "300"), ("seed", "0")),
     notes=("dry is violated in simulation 5 of at most 300.", "The case was made simpler."),
-    requirements=(
-        _shown(replace(_DRY, counts=Counts(5, 4, 1, 0, 0)), "search", "steps", _COURSE, _POINTS),
-    ),
+    requirements=(_dry(_TANKS[1:6], _COURSE, _POINTS),),
     cases=_CASES,
 )
 
@@ -272,19 +259,12 @@ _MATRIX = Section(
     title="3 traces",
     facts=(("end", "cut"), ("semantics", "standard")),
     requirements=(
-        _shown(
-            replace(
-                _DRY,
-                counts=Counts(3, 1, 1, 0, 1),
-                trials=(
-                    TrialRow("runs/c.csv", "failed", text="there is no column 'level'"),
-                    TrialRow("runs/b.csv", "violated", -0.5, Moment(4, 4.0)),
-                    TrialRow("runs/a.csv", "satisfied", 1.0),
-                ),
-                left_out=0,
+        _dry(
+            (
+                TrialRow("runs/c.csv", "failed", text="there is no column 'level'"),
+                TrialRow("runs/b.csv", "violated", -0.5, Moment(4, 4.0)),
+                TrialRow("runs/a.csv", "satisfied", 1.0),
             ),
-            "matrix",
-            "s",
             _TIMELINE,
         ),
     ),
@@ -300,6 +280,7 @@ _MATRIX = Section(
             "Robustness of each requirement on each trace",
             "matrix",
         ),
+        Text("2 traces more not listed.", "muted left-out"),
     ),
 )
 

@@ -18,7 +18,7 @@ from rtamt_gym.options.evaluation import EvaluationKeywords, checked_options, do
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.outcome import Outcome
-from rtamt_gym.results.table import Results
+from rtamt_gym.results.statistics import Results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.mining.bisection import (
     Candidates,

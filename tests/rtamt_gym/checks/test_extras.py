@@ -122,7 +122,7 @@ DRAWING = ("rtamt_gym.drawing",)
         (
             lambda: MethodComparison.plot(NONE, "a.png"),
             "matplotlib",
-            (*DRAWING, "rtamt_gym.evaluation.method_pictures"),
+            DRAWING,
             "MethodComparison.plot",
             "plot",
         ),

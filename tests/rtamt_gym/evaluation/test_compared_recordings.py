@@ -12,8 +12,7 @@ import pytest
 from paths import ROOT
 
 from rtamt_gym.__main__ import main
-from rtamt_gym.evaluation.recording_changes import RecordingsComparison
-from rtamt_gym.evaluation.recording_tables import recordings_lines
+from rtamt_gym.evaluation.recording_changes import RecordingsComparison, recordings_lines
 from rtamt_gym.reports.write import report_of
 
 Output = pytest.CaptureFixture[str]

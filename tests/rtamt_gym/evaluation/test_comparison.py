@@ -236,8 +236,7 @@ NEAR = {"near": [1.0, 1.0]}
             lambda: evaluation_of({"far": [1.0]}),
             (
                 "cannot compare: the requirements are 'near' of A and 'far' of B; evaluate both "
-                "with "
-                "the same"
+                "with the same"
             ),
         ),
         (
@@ -287,28 +286,24 @@ def lean(observation: list[float]) -> int:
         (
             lambda: compare("zero", "random"),
             (
-                "expected two evaluations, or two policies and an environment, as in "
-                "compare(old, new, "
-                "'CartPole-v1', ...), got str and str without an environment; Evaluation.load "
-                "reads a "
-                "file"
+                "expected two evaluations, or two policies and an environment, as in compare(old, "
+                "new, 'CartPole-v1', ...), got str and str without an environment; "
+                "Evaluation.load reads a file"
             ),
         ),
         (
             lambda: compare(evaluation_of(NEAR), "random", "CartPole-v1"),
             (
-                "expected two evaluations, or two policies and an environment, as in "
-                "compare(old, new, "
-                "'CartPole-v1', ...), got Evaluation and str with an environment; Evaluation.load "
-                "reads a file"
+                "expected two evaluations, or two policies and an environment, as in compare(old, "
+                "new, 'CartPole-v1', ...), got Evaluation and str with an environment; "
+                "Evaluation.load reads a file"
             ),
         ),
         (
             lambda: compare(evaluation_of(NEAR), evaluation_of(NEAR), "CartPole-v1", episodes=5),
             (
                 "two evaluations have run already, got further arguments: env, episodes; leave "
-                "them "
-                "out"
+                "them out"
             ),
         ),
         (

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from rtamt_gym import compare
-from rtamt_gym.evaluation.tables import evaluation_table, show
+from rtamt_gym.evaluation.evaluation import evaluation_table, show
 from rtamt_gym.results import Record
 from rtamt_gym.results.trial import RunEnd
 

@@ -30,14 +30,14 @@ def test_section_matches_rows() -> None:
     section = of_evaluation(evaluation(ROWS, {}), ROOM)
     low, seen, every = section.requirements
     assert (low.name, seen.name, every.name) == ("low", "seen", "all requirements")
-    assert (low.counts.satisfied, low.counts.violated, low.counts.failed) == (2, 2, 1)
-    assert (seen.counts.satisfied, seen.counts.undecided, seen.counts.episodes) == (2, 1, 5)
-    assert (every.counts.satisfied, every.counts.violated) == (1, 3)
+    assert low.counts == {"satisfied": 2, "violated": 2, "failed": 1}
+    assert (seen.counts["satisfied"], seen.counts["undecided"], len(seen.trials)) == (2, 1, 5)
+    assert (every.counts["satisfied"], every.counts["violated"]) == (1, 3)
     assert low.rate == 0.4
     assert low.interval == pytest.approx((0.052745, 0.853367), abs=1e-6)  # by tables
-    assert low.robustness == (-3.0, -2.0, 1.0, 2.0)
-    assert low.quantiles["0.5"] == -2.0
-    assert low.first_violations == (0.4, 1.5)
+    assert low.lowest == -3.0
+    assert "Median \N{MINUS SIGN}2, " in figures(section, "histogram")[0].summary
+    assert figures(section, "violations")[0].data["times"] == (0.4, 1.5)
     assert [trial.label for trial in low.trials] == [f"seed {i}" for i in (10, 9, 8, 7, 11)]
     assert low.trials[0].text == "ValueError: it broke"
     assert [each.violated_at and each.violated_at.time for each in every.trials] == [
@@ -156,7 +156,7 @@ def test_undecided_colours() -> None:
         )
     section = of_evaluation(evaluation(rows, {}), ROOM)
     requirement = section.requirements[0]
-    assert dict(zip(requirement.robustness, requirement.verdicts, strict=True)) == {
+    assert {trial.robustness: trial.verdict for trial in requirement.trials} == {
         (height or 0.0): verdict.name.lower() for height, verdict in verdicts.items()
     }
     histogram = figures(section, "histogram")[0]

@@ -29,7 +29,7 @@ def test_sweep_section() -> None:
     assert section.kind == "sweep"
     dry = section.requirements[0]
     assert dry.words == "level stays below 2 at all times"
-    assert dry.counts.violated == len(done.record.violated("dry")) == 3
+    assert dry.counts["violated"] == len(done.record.violated("dry")) == 3
     assert dry.rate is None
     assert dry.trials[0].case == ("inflow = 0.3", "leak = 0.1")
     (episode,) = dry.worst
@@ -44,7 +44,7 @@ def test_sweep_section() -> None:
     np.testing.assert_allclose(np.array(heat.data["cells"], float), expected, rtol=1e-5)
     assert section.cases is not None
     assert set(section.cases["columns"]) == {"inflow", "leak"}
-    assert section.cases["robustness"]["dry"][12] == pytest.approx(dry.robustness[0])
+    assert section.cases["robustness"]["dry"][12] == pytest.approx(dry.lowest)
 
 
 def test_sweep_without_system() -> None:
@@ -77,9 +77,10 @@ def test_worst_of_many_simulations() -> None:
     least = sorted(range(5000), key=lambda i: -math.inf if i == 17 else heights[i])[:500]
     assert {f"simulation {i + 1}" for i in least} <= set(cases["labels"])
     assert cases["verdicts"]["dry"][cases["labels"].index("simulation 18")] == "failed"
-    requirement = of_record(record, ROOM).requirements[0]
-    assert (len(requirement.trials), requirement.left_out) == (500, 4500)
-    assert len(requirement.robustness) == 1000
+    section = of_record(record, ROOM)
+    requirement = section.requirements[0]
+    assert (len(requirement.trials), requirement.left_out) == (5000, 4500)
+    assert sum(figures(section, "histogram")[0].data["counts"]) == 1000
 
 
 def test_no_map_if_all_failed() -> None:
@@ -151,9 +152,8 @@ def test_saved_case_shows_triggers(
     least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "tank_of_case.py").write_text(
-        "def tank(inflow):\n"
-        "    for _ in range(9):\n"
-        '        yield {"level": inflow, "valve": 1.0}\n',
+        'def tank(inflow):\n    for _ in range(9):\n        yield {"level": inflow, "valve": '
+        "1.0}\n",
         encoding="utf-8",
     )
     monkeypatch.syspath_prepend(tmp_path)
@@ -164,7 +164,7 @@ def test_saved_case_shows_triggers(
     section = section_of("case.json", ROOM, PLAY)
     (trial,) = section.requirements[0].trials
     assert (trial.asked, trial.vacuous) == ((0, True) if least else (1, False))
-    assert section.requirements[0].asked == (1 - bool(least), 1)
+    assert section.requirements[0].triggers == [1 - bool(least)]
     said = standing_of([section])
     assert said is not None
     assert ("never triggered: shut" in said.text) is (least > 0)
@@ -172,7 +172,7 @@ def test_saved_case_shows_triggers(
     other = json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
     other["expected"]["verdict"] = "VIOLATED"
     (tmp_path / "case.json").write_text(json.dumps(other), encoding="utf-8")
-    assert section_of("case.json", ROOM, PLAY).requirements[0].asked is None
+    assert section_of("case.json", ROOM, PLAY).requirements[0].triggers == []
 
 
 def test_saved_case_section(tmp_path: Path) -> None:
@@ -185,11 +185,8 @@ def test_saved_case_section(tmp_path: Path) -> None:
     assert alone.requirements[0].worst == ()
     assert alone.requirements[0].trials[0].robustness == pytest.approx(saved.robustness, rel=1e-5)
     (tmp_path / "tank_of_test.py").write_text(
-        "def tank(inflow, leak):\n"
-        "    level = 1.0\n"
-        "    for _ in range(20):\n"
-        '        yield {"level": level}\n'
-        "        level += inflow - leak * level\n",
+        "def tank(inflow, leak):\n    level = 1.0\n    for _ in range(20):\n        yield "
+        '{"level": level}\n        level += inflow - leak * level\n',
         encoding="utf-8",
     )
     played = of_case(saved, ROOM, play=True)

@@ -15,8 +15,7 @@ from report_example import EXAMPLE
 from rtamt_gym import write_report
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.html import render, standing_of
-from rtamt_gym.reports.model import Report, Section, SectionKind, TrialRow
-from rtamt_gym.reports.requirements import requirement_of
+from rtamt_gym.reports.model import Report, Requirement, Section, SectionKind, TrialRow
 from rtamt_gym.results.outcome import Word
 
 NOUNS = {"evaluation": "episode", "sweep": "simulation", "search": "simulation", "matrix": "trace"}
@@ -52,11 +51,11 @@ def sections_of(drawn: Sequence[Drawn]) -> list[Section]:
             kind,
             "made up",
             requirements=tuple(
-                requirement_of(
+                Requirement(
                     name,
                     name,
                     f"always({name} > 0)",
-                    [TrialRow(f"{i}", word, asked=asked[i]) for i, word in enumerate(words)],
+                    tuple(TrialRow(f"{i}", word, asked=asked[i]) for i, word in enumerate(words)),
                     together=together,
                 )
                 for name, words, asked, together in of
@@ -127,9 +126,9 @@ def test_requirements_and_runs_count_once(drawn: list[Drawn]) -> None:
     ],
 )
 def test_answer_to_target_counts(words: list[Word], answer: Word | None, text: str) -> None:
-    trials = [TrialRow(f"seed {i}", word) for i, word in enumerate(words)]
+    trials = tuple(TrialRow(f"seed {i}", word) for i, word in enumerate(words))
     section = Section(
-        "evaluation", "x", requirements=(requirement_of("a", "a", "a > 0", trials, answer=answer),)
+        "evaluation", "x", requirements=(Requirement("a", "a", "a > 0", trials, answer=answer),)
     )
     found = standing_of([section])
     assert found is not None

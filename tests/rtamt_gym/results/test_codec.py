@@ -18,6 +18,7 @@ from rtamt_gym import Case, Waveform, compare, compare_methods, simulate
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.model import Facts
 from rtamt_gym.reports.numbers import ROOM
+from rtamt_gym.reports.requirements import with_trials
 from rtamt_gym.reports.write import SECTIONS, section_of
 from rtamt_gym.results import Evaluation, Run
 from rtamt_gym.results.codec import KINDS, plain, read, trial_of
@@ -180,7 +181,8 @@ def test_run_is_equal_in_table_and_evaluation(tmp_path: Path) -> None:
 
 def test_page_has_statistics_of_terminal() -> None:
     evaluation = evaluation_of({"near": [float(i) for i in range(40)]})
-    shown = section_of(evaluation, ROOM).requirements[0]
+    section = section_of(evaluation, ROOM)
+    shown = with_trials(section.requirements[0], section)
     (facts,) = (block for block in shown.blocks if isinstance(block, Facts))
     assert {name: text for name, text, _ in facts.rows} == {
         "minimum": "0",

@@ -52,32 +52,15 @@ def test_intervals_end_at_0_and_1() -> None:
     assert wilson(0, 0) == clopper_pearson(0, 0) == (0.0, 1.0)
 
 
-def test_wilson_covers_on_average() -> None:
-    rates = np.linspace(0.005, 0.995, 199)
-    for total in (10, 50, 200):
-        ends = np.array([wilson(count, total) for count in range(total + 1)])
-        within = (ends[:, :1] <= rates) & (rates <= ends[:, 1:])
-        covered = (binom.pmf(np.arange(total + 1)[:, None], total, rates) * within).sum(axis=0)
-        assert covered.mean() == pytest.approx(0.95, abs=0.01)
-        assert covered.min() > 0.83
-
-
-@given(
-    st.one_of(st.integers(1, 60), st.integers(1, 20_000)),
-    st.sampled_from([0.05, 0.5, 0.9, 0.95, 0.999]),
-    st.data(),
-)
-def test_exact_interval_has_beta_quantiles(
-    total: int, confidence: float, data: st.DataObject
-) -> None:
+@given(st.one_of(st.integers(1, 60), st.integers(1, 20_000)), st.data())
+def test_exact_interval_has_beta_quantiles(total: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, total))
-    low, high = clopper_pearson(count, total, confidence)
-    chance = (1 - confidence) / 2
+    low, high = clopper_pearson(count, total)
     assert low == pytest.approx(
-        beta.ppf(chance, count, total - count + 1) if count else 0.0, rel=1e-9, abs=0
+        beta.ppf(0.025, count, total - count + 1) if count else 0.0, rel=1e-9, abs=0
     )
     assert high == pytest.approx(
-        beta.ppf(1 - chance, count + 1, total - count) if count < total else 1.0, rel=1e-9
+        beta.ppf(0.975, count + 1, total - count) if count < total else 1.0, rel=1e-9
     )
     assert low <= count / total <= high
 
@@ -92,16 +75,6 @@ def test_exact_interval_with_tiny_chances(
     assert high == pytest.approx(beta.ppf(0.975, count + 1, total - count), rel=1e-9)
 
 
-@given(st.integers(1, 400), st.data())
-def test_exact_interval_has_equal_tails(total: int, data: st.DataObject) -> None:
-    count = data.draw(st.integers(0, total))
-    low, high = clopper_pearson(count, total)
-    if count:
-        assert binom.sf(count - 1, total, low) == pytest.approx(0.025, rel=1e-9)
-    if count < total:
-        assert binom.cdf(count, total, high) == pytest.approx(0.025, rel=1e-9)
-
-
 def coverage(kind: IntervalKind, total: int, rates: Floats) -> Floats:
     """How often intervals hold the rate, by exact sums over all counts."""
     ends = np.array([rate_interval(count, total, kind) for count in range(total + 1)])
@@ -111,11 +84,6 @@ def coverage(kind: IntervalKind, total: int, rates: Floats) -> Floats:
 
 
 FINE = np.arange(1, 10_000) / 10_000
-
-
-@pytest.mark.parametrize("total", [1, 2, 3, 5, 10, 20, 50, 100, 300])
-def test_exact_interval_coverage(total: int) -> None:
-    assert coverage("exact", total, FINE).min() >= 0.95 - 1e-12
 
 
 def test_page_states_coverage_of_intervals() -> None:
@@ -157,18 +125,15 @@ def test_interval_kinds() -> None:
 
 @pytest.mark.parametrize("found", [wilson, clopper_pearson])
 @pytest.mark.parametrize(
-    ("count", "total", "confidence", "message"),
+    ("count", "message"),
     [
-        (3, 2, 0.95, "expected a count of 0 to 2, got 3"),
-        (-1, 2, 0.95, "expected a count of 0 to 2, got -1"),
-        (1, 2, 95, "expected confidence= between 0 and 1, such as 0.95, got 95"),
+        (3, "expected a count of 0 to 2, got 3"),
+        (-1, "expected a count of 0 to 2, got -1"),
     ],
 )
-def test_count_out_of_range_error(
-    found: Callable[..., object], count: int, total: int, confidence: float, message: str
-) -> None:
+def test_count_out_of_range_error(found: Callable[..., object], count: int, message: str) -> None:
     with pytest.raises(InputError) as refused:
-        found(count, total, confidence)
+        found(count, 2)
     assert str(refused.value) == message
 
 
@@ -211,15 +176,11 @@ def test_median_interval_with_infinities() -> None:
 @pytest.mark.slow
 def test_bootstrap_coverage() -> None:
     generator = np.random.default_rng(1)
-    samples = generator.normal(size=(300, 30))
-    ends = [bootstrap(sample, resamples=499) for sample in samples]
+    samples = generator.normal(size=(200, 30))
+    ends = [bootstrap(sample) for sample in samples]
+    assert ends[0] == bootstrap(samples[0])
     covered = sum(low <= 0.0 <= high for low, high in ends)
-    assert 0.90 <= covered / 300 <= 0.98
-
-
-def test_bootstrap_is_reproducible() -> None:
-    sample = np.random.default_rng(2).exponential(size=40)
-    assert bootstrap(sample, seed=3) == bootstrap(sample, seed=3) != bootstrap(sample, seed=4)
+    assert 0.90 <= covered / 200 <= 0.98
 
 
 def test_bootstrap_of_equal_or_few_values() -> None:

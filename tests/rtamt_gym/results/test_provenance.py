@@ -19,13 +19,11 @@ from rtamt_gym.play.record import Record
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.write import report_of
 from rtamt_gym.results import Comparison, Evaluation
-from rtamt_gym.results.codec import read
+from rtamt_gym.results.codec import plain, provenance_of, read
 from rtamt_gym.results.provenance import (
     Provenance,
     file_hash,
     ids_lines,
-    plain_provenance,
-    provenance_of,
 )
 
 Output = pytest.CaptureFixture[str]
@@ -53,12 +51,12 @@ def test_provenance_round_trip(
     ids: dict[str, RequirementId], versions: dict[str, str], files: dict[str, str]
 ) -> None:
     made = Provenance(ids, versions, files)
-    text = json.dumps(plain_provenance(made))
+    text = json.dumps(plain(made))
     assert provenance_of(json.loads(text)) == made
 
 
 def test_empty_provenance_is_not_written() -> None:
-    assert plain_provenance(Provenance()) == {}
+    assert plain(Provenance()) == {}
     assert provenance_of({}) == Provenance()
     assert ids_lines(Provenance()) == []
 

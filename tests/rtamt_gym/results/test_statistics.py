@@ -41,16 +41,6 @@ def test_cvar_is_mean_of_lowest_quantiles(values: list[float], share: float) -> 
     assert expected_shortfall(values, share) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
-@settings(max_examples=examples(30))
-@given(NUMBERS)
-def test_cvar_is_between_minimum_and_mean(values: list[float]) -> None:
-    found = expected_shortfall(values)
-    assert min(values) - 1e-9 <= found <= math.fsum(values) / len(values) + 1e-6
-    assert expected_shortfall(values, 1.0) == pytest.approx(
-        math.fsum(values) / len(values), rel=1e-9, abs=1e-6
-    )
-
-
 @pytest.mark.parametrize(
     ("values", "share", "expected"),
     [

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from rtamt_gym import StlMonitor, VectorStlMonitor, evaluate_policy
 from rtamt_gym.reports.model import Facts
+from rtamt_gym.reports.requirements import with_trials
 from rtamt_gym.reports.write import section_of
 from rtamt_gym.results.codec import outcome_of, plain_outcome
 from rtamt_gym.results.statistics import mean_progress, progress_text
@@ -163,7 +164,8 @@ def test_the_page_shows_progress(evaluations: list[Any]) -> None:
     assert [item.progress for item in calm.trials] == [None] * 6
     shown = sorted(item.progress for item in task.trials if item.progress is not None)
     assert shown == sorted(trial.outcomes["task"].progress for trial in evaluations[0].record)
-    (statistics,) = (block for block in task.blocks if isinstance(block, Facts))
+    blocks = with_trials(task, section).blocks
+    (statistics,) = (block for block in blocks if isinstance(block, Facts))
     facts = {name: text for name, text, _ in statistics.rows}
     assert facts["mean progress"] == progress_text(evaluations[0].requirements["task"].progress)
 
