@@ -27,7 +27,7 @@ class Gap:
     usual: float
     of: str = ""  # the variables, joined by commas; empty if all have the gap
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
 
     @property
     def long(self) -> bool:
@@ -103,7 +103,7 @@ class Extent:
     usual_step: float | None = None
     gap: Gap | None = None
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
     json_keys: ClassVar = (
         *("samples", "events", "period", "begin", "end", "length", "usual_step", "gap"),
     )

@@ -38,7 +38,7 @@ class JudgedMutant:
     apart: Mapping[str, tuple[float, ...]] | None = None  # a trace that would kill it
     satisfies: Literal["", "requirement", "mutant"] = ""
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
 
     @property
     def change(self) -> str:

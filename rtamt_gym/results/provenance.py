@@ -50,7 +50,7 @@ class Fingerprint:
     unseen: tuple[str, ...] = ()
     policy: tuple[str, ...] = ()
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
 
     def changes(self, now: Fingerprint, *, without: Collection[str] = ()) -> list[str]:
         """Return the changes since this fingerprint, each as a clause.
@@ -176,7 +176,7 @@ class Reuse:
     notes: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
 
     def lines(self, trial: str) -> list[str]:
         """Return the lines that a summary shows; ``trial`` is the word for one result."""
@@ -202,7 +202,7 @@ class Provenance:
     fingerprint: Fingerprint | None = None
     reuse: Reuse | None = None
 
-    sparse: ClassVar = True
+    sparse: ClassVar = True  # JSON leaves out defaults
 
     @classmethod
     def of(
