@@ -226,7 +226,7 @@ def test_files_have_all_episodes_and_the_error_of_those_that_failed(capsys: Outp
     assert (low["episodes"], low["satisfied"], low["failed"]) == (3, 1, 2)
     (section,) = report_of("o.json").sections
     counts = section.requirements[0].counts
-    assert (counts.satisfied, counts.failed) == (1, 2)
+    assert (counts["satisfied"], counts["failed"]) == (1, 2)
 
 
 def test_if_all_fail_the_error_of_the_first_is_raised(capsys: Output) -> None:
