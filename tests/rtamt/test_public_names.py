@@ -1,4 +1,4 @@
-"""Public names are imported when they are first used."""
+"""Public names are imported at their first use."""
 
 import ast
 import pickle

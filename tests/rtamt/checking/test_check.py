@@ -22,7 +22,7 @@ from rtamt.checking.search import SearchAnswer
 
 
 def verdicts(text: str, most: int = 4) -> set[Verdict]:
-    """The verdicts on all traces over the values, with the end mode "cut"."""
+    """Return the verdicts on all traces over the values, with the end mode "cut"."""
     return {
         judge(text, {"x": list(trace)}, end="cut", n=n).verdict
         for n in range(1, most + 1)
@@ -44,7 +44,7 @@ def test_answers_are_those_of_all_traces(text: str) -> None:
             columns = {"x": list(answer.trace.columns.get("x", ()))}
             judged = judge(text, columns, end="cut", n=answer.trace.samples)
             assert judged.verdict is verdict
-        if answer.answer == "no":  # all windows end: a no is proved
+        if answer.answer == "no":  # all windows are bounded: a no is proved
             assert verdict not in possible
             assert answer.samples == 0
 
@@ -141,7 +141,7 @@ def test_nonlinear_terms_are_tried_or_unknown() -> None:
 
 
 def test_rounding_can_violate() -> None:
-    answer = only("x + 1 > x").falsifiable  # not of reals, but of 2**53
+    answer = only("x + 1 > x").falsifiable  # not for reals, but for 2**53
     assert answer.trace is not None
     (x,) = answer.trace.columns["x"]
     assert x + 1 == x

@@ -36,7 +36,7 @@ def actual(formula: Formula, trace: Trace, world: World, loop: int = 0) -> bool:
     program = compile_program(Specification.of(formula))
     samples, n = known_samples(trace), length(trace)
     answer = truth(Graph(), samples, program, n, world, loop)
-    assert answer in {TRUE, FALSE}  # nothing is left open
+    assert answer in {TRUE, FALSE}  # nothing is undecided
     return answer == TRUE
 
 
@@ -123,7 +123,7 @@ def test_simplified_trace_keeps_truths() -> None:
     spec = parse("sqrt(x) < 2")
     goal = truth(graph, unknown_samples(graph), compile_program(spec), 2, World.NOW, loop=1)
     plainness = Plainness([spec.formula], frozenset(), {})
-    assert -2.0 in plainness.of("x")  # at which sqrt(x) is no number
+    assert -2.0 in plainness.of("x")  # sqrt(x) is undefined there
     trace = ExampleTrace({"x": (3.25, 3.25)}, 2, 1)
     assert simplified(trace, graph, [goal], plainness).columns["x"][0] in {0.0, 1.0, 2.0}
     assert simplified(trace, graph, [graph.no(goal)], plainness) == trace

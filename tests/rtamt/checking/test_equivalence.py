@@ -38,7 +38,7 @@ def test_an_equivalence_holds_on_all_traces_in_range(
         assert judged[satisfied] is Verdict.SATISFIED
         assert judged[1 - satisfied] is Verdict.VIOLATED
     else:
-        assert (result.answer, result.samples) == ("yes", 0)  # all windows end
+        assert (result.answer, result.samples) == ("yes", 0)  # all windows are bounded
 
 
 @pytest.mark.parametrize("declaration", ["float x in [1, 2]", "uint8 x; float y in [0, 1]"])
@@ -138,12 +138,12 @@ def test_requirements_are_compared_with_their_namesakes() -> None:
 @pytest.mark.parametrize(
     ("one", "other", "samples"),
     [
-        (  # the part that looks back is no proof, what differs in it is
+        (  # the past part is not a proof, the differing part is
             "always(eventually historically(x > 0 and y > 0))",
             "always(eventually historically(y > 0 and x > 0))",
             0,
         ),
-        (  # no part is proved, and below they have different numbers of operands
+        (  # no part is proved, and their operands differ in number
             "always(eventually(x > 0) and eventually(y > 0) and eventually(x > 0))",
             "always(eventually(x > 0) and eventually(y > 0))",
             16,

@@ -1,4 +1,4 @@
-"""`examples`: verdicts, near misses, and points that no trace can make."""
+"""`examples`: verdicts, near misses, and points that no trace can reach."""
 
 import itertools
 import re
@@ -53,7 +53,7 @@ def test_examples_are_judged_as_they_say(text: str) -> None:
 
 
 def _possible(text: str, most: int = 3) -> set[Verdict]:
-    """The verdicts on all traces over the values."""
+    """Return the verdicts on all traces over the values."""
     variables = rtamt.parse(text).variables
     result = set()
     for n in range(1, most + 1):
@@ -250,7 +250,7 @@ def test_examples_have_no_nan_terms(text: str) -> None:
     [
         ("3 < x", 3.0, 4.0),
         ("3 >= x", 3.0, 4.0),
-        ("x > 5e-324", 5e-324, None),  # of whose last digit there is no half
+        ("x > 5e-324", 5e-324, None),  # its last digit has no half
         ("2.5 > x", 2.5, 2.4),
     ],
 )

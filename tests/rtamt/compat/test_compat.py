@@ -28,7 +28,7 @@ from rtamt import (
 
 
 def play(spec: StlDiscreteTimeOnlineSpecification, trace: Trace) -> list[float]:
-    """The result of update at every sample."""
+    """Return the result of update at every sample."""
     n = length(trace)
     return [spec.update(i, [(name, trace[name][i]) for name in trace]) for i in range(n)]
 
@@ -397,7 +397,7 @@ def test_roles_are_set_and_undone() -> None:
     spec = declared("a > 0", ("a",))
     spec.add_input_var("a")
     assert spec.var_io_dict == {"a": "input"}
-    spec.remove_output_var("a")  # it is none
+    spec.remove_output_var("a")  # it is not an output
     assert spec.var_io_dict == {"a": "input"}
     spec.remove_input_var("a")
     assert spec.var_io_dict == {"a": "undefined"}

@@ -168,7 +168,7 @@ def test_sample_operators_and_unbounded_future_errors() -> None:
 
 
 def settled(formula: Formula, known: Signals) -> float | None:
-    """The minimum of the variables' last times, if all variables have a value there."""
+    """Return the minimum of the variables' last times, if all variables have a value there."""
     if any(not known.get(name) for name in formula.variables):
         return None
     signals = relevant(known, formula.variables)
@@ -177,10 +177,10 @@ def settled(formula: Formula, known: Signals) -> float | None:
 
 
 def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
-    """All values that the events decide up to the settled time, at the time of the decision.
+    """Return all values that the events decide up to the settled time, at their decision.
 
-    What may still come can change only the robustness after that time less the horizon: every
-    variable keeps its value from there on.
+    Later events can change only the robustness after that time less the horizon: every variable
+    keeps its value from there on.
     """
     horizon, lasting = rtamt.dense.Monitor(formula).horizon, {}
     for name, events in relevant(known, formula.variables).items():
@@ -192,7 +192,7 @@ def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
 
 
 def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs:
-    """The result of a call that completes these events; `before` is the previous settled time."""
+    """Return the result of a call that completes these events after the time `before`."""
     end = settled(formula, known)
     if end is None or end == before:
         return []
@@ -222,12 +222,12 @@ def test_update_returns_new_steps_and_settled_value(
 
 
 def function(pairs: Pairs, since: float = -math.inf) -> Breakpoints:
-    """The step function of pairs; the last pair at a time counts."""
+    """Return the step function of pairs; the last pair at a time counts."""
     return by_value(sorted({time: value for time, value in pairs if time >= since}.items()))
 
 
 def whole_trace(formula: Formula, full: Signals) -> Breakpoints:
-    """The result of `evaluate`, with each step at the time when it is known online."""
+    """Return the result of `evaluate`, with each step at the time when it is known online."""
     horizon = rtamt.dense.Monitor(formula).horizon
     steps = rtamt.dense.evaluate(formula, held(relevant(full, formula.variables)))
     return by_value([(time + horizon, value) for time, value in steps])

@@ -162,7 +162,7 @@ CLASSES: list[Kind] = [
 
 
 def specified(kind: Callable[[], _S], text: str, *names: str) -> _S:
-    """A specification of variables of type float, not yet parsed."""
+    """Return a specification of variables of type float, not yet parsed."""
     spec = kind()
     for name in names:
         spec.declare_var(name, "float")

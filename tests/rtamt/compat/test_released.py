@@ -18,12 +18,12 @@ from rtamt import Formula, StlDenseTimeSpecification, StlDiscreteTimeSpecificati
 
 RELEASED = json.loads((GOLDEN / "released.json").read_text())
 
-# Folders of its own modules; the ones that programs import from exist here too.
+# Folders of its own modules; the imported ones exist here too.
 FOLDERS = {"antlr", "exception", "explanation", "pastifier", "semantics", "spec", "syntax"}
 # Internal objects: interpreters, the rewriting of formulas.
 INSIDE = {"explainer", "interpreter", "offline_interpreter", "online_interpreter"}
 INSIDE |= {"pastifier", "set_ast_flag"}
-# Reading or calling these fails there.
+# Reading or calling these fails in the released library.
 BROKEN = {"add_op", "publish_var", "publish_var_field"}
 BROKEN_IN = {"Discrete": {"final_update"}, "Dense": {"explain"}}
 

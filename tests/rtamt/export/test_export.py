@@ -1,4 +1,4 @@
-"""Exported units against the monitors, over samples and dense time."""
+"""Exported units against the monitors, over samples and in dense time."""
 
 import math
 import re
@@ -31,13 +31,13 @@ def monitors(
     period: float = 1,
     semantics: SemanticsName = "standard",
 ) -> Expected:
-    """The monitors of a drawn specification."""
+    """Return the monitors of a generated specification."""
     full, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
     return Expected(full, part, full, period=period, semantics=semantics)
 
 
 def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> None:
-    """Every step equals the monitors, up to the first sample that they refuse."""
+    """Compare every step with the monitors, up to the first sample that they refuse."""
     assert unit.outputs() == OUTPUTS
     assert identical(unit.get(*OUTPUTS), expected.values)
     for i in range(length(trace)):
@@ -75,7 +75,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
 def test_parameters_match_recompiled_constants(fmi: Fmi, drawn: Drawn, trace: Trace) -> None:
     try:
         EpisodeMonitor(drawn.text, 1)
-    except SpecificationError:  # a constant term that is no number
+    except SpecificationError:  # a constant term is not a number
         return
     with exported(drawn.text, fmi, period=1) as unit:
         others = {name: drawn.others[name] for name in drawn.others if name in unit.entries}
@@ -95,7 +95,7 @@ def test_parameters_match_recompiled_constants(fmi: Fmi, drawn: Drawn, trace: Tr
 def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, trace: Trace) -> None:
     try:
         expected = monitors(drawn, semantics=semantics)
-    except SpecificationError:  # a term of constants is no number
+    except SpecificationError:  # a constant term is not a number
         return
     with exported(drawn.text, 2, period=1, semantics=semantics) as unit:
         unit.begin()
@@ -128,7 +128,7 @@ def test_dense_unit_matches_episode_monitor(
 ) -> None:
     try:
         expected = DenseExpected(drawn.text, drawn.part, drawn.text, semantics=semantics)
-    except SpecificationError:  # it has no variables, or a term of constants is no number
+    except SpecificationError:  # it has no variables, or a constant term is not a number
         return
     now = 0.0
     with exported(drawn.text, fmi, dense=True, semantics=semantics) as unit:
@@ -169,7 +169,7 @@ KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense":
 
 
 def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> list[list[int]]:
-    """The outputs of each step from one on, up to the first refused step."""
+    """Return the outputs of each step from one on, up to the first refused step."""
     found = []
     for i in range(begin, length(trace)):
         try:
@@ -205,7 +205,7 @@ def test_a_restored_monitor_goes_on_alike(
                 other.restore(state)
                 assert bits(other.get(*other.outputs())) == outputs
                 assert continued(other, trace, step_index, names) == once
-    except SpecificationError:  # it has no variables, or a term of constants is no number
+    except SpecificationError:  # it has no variables, or a constant term is not a number
         return
 
 

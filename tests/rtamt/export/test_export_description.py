@@ -40,7 +40,7 @@ def test_every_export_is_valid(tmp_path: Path) -> None:
         kind: dict[str, Any] = {"dense": True} if dense else {"period": "500ms"}
         try:
             export_fmu(drawn.text, tmp_path / "drawn.fmu", fmi=fmi, **kind)
-        except SpecificationError:  # it has no variables, or a term of constants is no number
+        except SpecificationError:  # it has no variables, or a constant term is not a number
             return
         assert validate_fmu(tmp_path / "drawn.fmu") == []
 

@@ -25,7 +25,7 @@ OUTPUTS = ("robustness", "lower", "upper", "verdict", "fast")
 
 
 def signals(n: int) -> NDArray[np.void]:
-    """Random samples of x and y, 250 ms apart."""
+    """Return random samples of x and y, 250 ms apart."""
     rng = np.random.default_rng(n)
     kinds = [(name, np.float64) for name in ("time", "x", "y")]
     rows = [(i / 4, *rng.integers(-24, 24, 2) / 4) for i in range(n)]
@@ -33,7 +33,7 @@ def signals(n: int) -> NDArray[np.void]:
 
 
 def rows_of(text: str, samples: NDArray[np.void]) -> list[list[float]]:
-    """The outputs after each sample; the first row is a new monitor."""
+    """Return the outputs after each sample; the first row is a new monitor."""
     episode = EpisodeMonitor(text, "250ms", backend="python")
     fast = Monitor(parse(text).formulas["fast"], backend="python")
     rows = [[episode.robustness, *episode.bounds(), float(episode.verdict), np.nan]]

@@ -1,4 +1,4 @@
-"""An array that another thread writes to while it is read."""
+"""An array that another thread changes during a read."""
 
 from collections.abc import Sequence
 from typing import NoReturn
@@ -27,7 +27,7 @@ def test_a_value_that_changes_before_it_is_named_is_refused_all_the_same(
 
     def late(reader: SampleReader, values: Sequence[float], sample: int) -> NoReturn:
         assert list(values) == [-1.0]
-        refuse(reader, [4.0], sample)  # as if another thread had written it meanwhile
+        refuse(reader, [4.0], sample)  # simulates a write of another thread
 
     monkeypatch.setattr(SampleReader, "refuse", late)
     with pytest.raises(InputError) as caught:

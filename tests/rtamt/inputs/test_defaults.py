@@ -1,4 +1,4 @@
-"""Variables with a declared default, of which a caller gives no values."""
+"""Variables with a declared default, without values from the caller."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ TEXT = "input float64 x; input float64 limit = 0.5; once[0:2](x < limit)"
 backends = pytest.mark.parametrize("backend", ["native", "python"])
 
 rows = st.lists(st.tuples(st.floats(-2, 2), st.none() | st.floats(-2, 2)), min_size=1, max_size=12)
-"""Values of ``x``, and those of ``limit`` where it is given."""
+"""Values of ``x``, and values of ``limit`` if it is passed."""
 
 
 def held(samples: list[tuple[float, float | None]]) -> list[float]:
-    """The limit of every sample: the last one that was given, at first 0.5."""
+    """Return the limit of every sample: the last passed value, at first 0.5."""
     limits, last = [], 0.5
     for _, limit in samples:
         last = last if limit is None else limit
@@ -169,8 +169,8 @@ def test_default_next_to_a_similar_name_is_an_error(call: Callable[[str], object
     )
     with pytest.raises(rtamt.InputError, match=expected):
         call(NEAR)
-    call(NEAR.replace("limit", "bound"))  # takes the default
-    call(f"input float64 Limit; {NEAR} and always(Limit > 0)")  # a variable of its own
+    call(NEAR.replace("limit", "bound"))  # uses the default
+    call(f"input float64 Limit; {NEAR} and always(Limit > 0)")  # a separate variable
 
 
 values = st.sampled_from((-1.0, -0.0, 0.0, 0.5, 2.0))
@@ -193,7 +193,7 @@ def test_in_dense_time_a_default_lasts_until_the_first_event(
     ends = [events[-1][0] for events in whole.values() if events]
     if min(ends) < whole["x"][0][0]:
         return
-    if early:  # all events of the one, then those of the other
+    if early:  # all events of one variable, then of the other
         chunks = [{"limit": whole["limit"]}, {"x": whole["x"]}]
     else:
         order = sorted((time, name, value) for name, its in whole.items() for time, value in its)

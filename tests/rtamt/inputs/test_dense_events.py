@@ -17,7 +17,7 @@ PAIRS = [(0.0, 3.0), (1.5, math.inf), (4.0, 2.0)]
 
 @pytest.fixture
 def events() -> rtamt.dense.Events:
-    """Three of them."""
+    """Return three events."""
     return rtamt.dense.Events([0, 1.5, 4], [3, math.inf, 2])
 
 

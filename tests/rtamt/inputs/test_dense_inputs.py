@@ -1,4 +1,4 @@
-"""What dense time takes: every form of events, and numbers of every type; nothing is changed."""
+"""The inputs of dense time: every form of events and every type of number, unchanged by calls."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -72,13 +72,13 @@ def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
     assert pairs == PAIRS
     assert (table == TABLE).all()
     assert events == PAIRS
-    table += 1  # nor does the monitor keep it
+    table += 1  # the monitor does not store it
     assert monitor.update({}) == []
     assert rtamt.dense.evaluate(text, given_away | {"y": PAIRS}, backend=backend) == first
 
 
 def test_integers_of_numpy_are_exact_times(backend: Backend) -> None:
-    first = 2**60 + 1  # of which no double is one
+    first = 2**60 + 1  # not a double
     found = rtamt.dense.evaluate(
         "x > 0",
         {"x": [(np.int64(first), 1), (np.int64(first + 2), 2)]},

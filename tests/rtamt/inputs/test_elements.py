@@ -1,4 +1,4 @@
-"""Elements of lists in messages, ``scan.ranges[0]``: what is read is what the list holds."""
+"""Elements of lists in messages, ``scan.ranges[0]``, equal the elements of the list."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAMES = st.tuples(WORDS, st.lists(WORDS | st.integers(0, 300), max_size=4)).map(
 
 
 def message(row: tuple[float, float, float], form: str = "object") -> Any:  # noqa: ANN401 - a message is anything
-    """A message with the values of a row where the specification reads them, and others beside."""
+    """Return a message with a row's values in the read fields, and others in the rest."""
     first, second, gain = row
     inner = [0.0, 0.0, second]
     match form:
@@ -38,7 +38,7 @@ def message(row: tuple[float, float, float], form: str = "object") -> Any:  # no
 
 
 def expected(rows: list[tuple[float, float, float]]) -> list[float]:
-    """The robustness of every row."""
+    """Return the robustness of every row."""
     return [min(first - 1, gain - second) for first, second, gain in rows]
 
 
@@ -158,7 +158,7 @@ def test_the_class_of_a_message_is_that_around_the_list() -> None:
 
 
 def test_sides_of_an_interface_may_be_given_by_the_list() -> None:
-    # y is an input: its predicate holds, so that it is +inf.
+    # y is an input: its predicate holds, so it is +inf.
     text, sample = "x.a[0] > 0 and y > 0", {"x.a": [2.0], "y": 1.0}
     options: dict[str, Any] = {"semantics": "output-robustness", "inputs": ("y",)}
     assert Monitor(text, outputs=("x.a",), **options).update(sample) == 2.0

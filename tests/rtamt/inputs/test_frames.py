@@ -1,4 +1,4 @@
-"""Data frames of pandas and polars and tables of Arrow are read as mappings are."""
+"""Data frames of pandas and polars and tables of Arrow are read like mappings."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""What monitors refuse, in exact words; a refused sample leaves no trace."""
+"""The exact errors of monitors; a refused sample leaves no trace."""
 
 import math
 from collections.abc import Callable
@@ -32,7 +32,7 @@ NAN = math.nan
 
 @pytest.fixture
 def monitor(backend: Backend) -> Monitor:
-    """A monitor of two variables that has seen one sample."""
+    """Return a monitor of two variables after one sample."""
     made = Monitor("once[0:2](req - gnt > 1)", backend=backend)
     made.update(req=4.0, gnt=1.0)
     return made

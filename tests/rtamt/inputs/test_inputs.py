@@ -1,4 +1,4 @@
-"""What monitors take: every form of arguments, IEEE doubles, and nan where it is to be held."""
+"""The inputs of monitors: every form of arguments, IEEE doubles, and nan with nan="hold"."""
 
 import math
 import types
@@ -23,7 +23,7 @@ NAN = math.nan
 
 @pytest.fixture
 def monitor(backend: Backend) -> Monitor:
-    """A monitor of two variables that has seen one sample."""
+    """Return a monitor of two variables after one sample."""
     made = Monitor(TEXT, backend=backend)
     made.update(req=4.0, gnt=1.0)
     return made

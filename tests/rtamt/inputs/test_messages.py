@@ -1,4 +1,4 @@
-"""Variables that are fields of messages: what is read from a message is what its fields hold."""
+"""Variables that are fields of messages have the values of these fields."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ abs(cmd.linear.x - pos) < cmd.angular.y
 
 @pytest.fixture
 def monitor(backend: Backend) -> Monitor:
-    """A monitor of two fields and a number that has seen one sample."""
+    """Return a monitor of two fields and a number after one sample."""
     made = Monitor(rtamt.parse(TEXT, modules=MODULES), backend=backend)
     assert made.update(cmd=Twist(Vector(1), Vector(0, 5)), pos=3.0) == 3.0
     return made
@@ -67,12 +67,12 @@ FORMS: dict[str, Callable[[float, float], dict[str, Any]]] = {
 
 
 def dotted(formula: Formula) -> str:
-    """The formula with fields of a message as variables."""
+    """Return the formula with fields of a message as variables."""
     return re.sub(r"\b[abc]\b", lambda name: FIELDS[name[0]], str(formula))
 
 
 def needed(sample: dict[str, Any], variables: tuple[str, ...]) -> dict[str, Any]:
-    """The part of a sample of which the formula has variables."""
+    """Return the part of a sample for the variables of the formula."""
     return {
         name: value
         for name, value in sample.items()

@@ -1,4 +1,4 @@
-"""Messages over dense time: their events are events of their fields."""
+"""Messages in dense time: their events are events of their fields."""
 
 from __future__ import annotations
 

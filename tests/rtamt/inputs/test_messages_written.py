@@ -1,4 +1,4 @@
-"""Formulas named after fields are written to messages; what texts import and annotate."""
+"""Formulas named after fields are written to messages; imports and annotations of texts."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_declaring_a_message_for_results_declares_no_variable() -> None:
     declared = "from results import Slotted; output Slotted out"
     spec = rtamt.parse(f"{declared}; out.value = x > 0", modules=MODULES)
     assert (spec.variables, spec.inputs, spec.outputs) == (("x",), (), ())
-    # A field that no formula computes is one that they read.
+    # A field that no formula computes is an input.
     spec = rtamt.parse(f"{declared}; float x; out.value = x > out.near", modules=MODULES)
     assert spec.variables == ("out.near", "x")
     with pytest.raises(ParseError, match="'y' is not declared"):

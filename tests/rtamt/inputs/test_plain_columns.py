@@ -1,4 +1,4 @@
-"""Plain arrays in a dictionary, which are read at once, mean what lists do."""
+"""Plain arrays in a dictionary, which have a fast path, equal lists."""
 
 from __future__ import annotations
 

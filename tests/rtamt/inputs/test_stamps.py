@@ -1,4 +1,4 @@
-"""Stamps are classified as the rule says, by an oracle that reads all messages at once."""
+"""The classes of stamps, against an oracle that reads all messages at once."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 from rtamt.inputs.stamps import StampOrder
 
 SECOND = 10**9
-# Milliseconds since the arrival before, and the offset of the stamp in tenths of a second.
+# Milliseconds since the previous arrival, and the offset of the stamp in tenths of a second.
 MESSAGES = st.lists(
     st.tuples(st.integers(0, 1500), st.one_of(st.integers(-25, 25), st.just(0))), max_size=30
 )
 
 
 def classified(messages: list[tuple[int, int]]) -> list[str]:
-    """The class of each message: in, late, stray, held or jump, by the text of the rule."""
+    """Return the class of each message by the rule: in, late, stray, held or jump."""
     classes = [""] * len(messages)
     since = 0  # the first message after the last jump
     for n, (stamp, arrival) in enumerate(messages):

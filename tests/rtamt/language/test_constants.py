@@ -1,4 +1,4 @@
-"""Constants of callers, and texts that are read with traced constants."""
+"""Constants of callers, and texts with traced constants."""
 
 import copy
 import pickle
@@ -69,7 +69,7 @@ TRACED = (
 
 
 def constants(text: str) -> set[tuple[str, float]]:
-    """The constants of a program, as text and number."""
+    """Return the constants of a program, as text and number."""
     program = compile_program(traced(parse(text)))
     return {(repr(i.value), float(i.value)) for i in program.instructions if isinstance(i, Const)}
 

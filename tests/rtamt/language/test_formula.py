@@ -98,7 +98,7 @@ bounds = st.decimals(0, 10**9, places=6) | st.integers(0, 10**30)
 
 @st.composite
 def decorated(draw: st.DrawFn) -> Formula:
-    """A formula of every operator, with numbers and intervals that are hard to write."""
+    """Formulas of every operator, with numbers and intervals that are hard to write."""
     inner = draw(formulas(depth=3, endless=True))
     begin, end = sorted((exact(draw(bounds), ""), exact(draw(bounds), "")))
     interval = Interval(

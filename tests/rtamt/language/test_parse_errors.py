@@ -20,7 +20,7 @@ TABLE = Path(__file__).with_name("parse_errors.txt")
 
 
 def cases() -> list[tuple[str, list[str]]]:
-    """Text and message of each block; lines that start with ``> `` are the text."""
+    """Return text and message of each block; lines that start with ``> `` are the text."""
     blocks = (block.splitlines() for block in TABLE.read_text(encoding="utf-8").split("\n\n"))
     return [
         (

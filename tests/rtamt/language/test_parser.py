@@ -250,7 +250,7 @@ def test_threads_may_parse_at_the_same_time() -> None:
 
 
 def test_deepest_nesting_parses_deep_inside_a_program() -> None:
-    """Two calls a bracket: 200 brackets fit into the default recursion limit, 300 calls down."""
+    """Two calls per bracket: 200 brackets fit into the default recursion limit, 300 calls down."""
     texts = [
         "(" * MAX_DEPTH + "x" + ")" * MAX_DEPTH,
         "not (" * (MAX_DEPTH - 2) + "x" + ")" * (MAX_DEPTH - 2),

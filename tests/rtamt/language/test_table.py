@@ -92,7 +92,7 @@ TRACE = {"x": [1.0, 3.0, -2.0, 0.5], "y": [0.0, 2.0, 4.0, -1.0]}
 
 @pytest.fixture
 def add() -> Iterator[Add]:
-    """Adds a row to the table until the end of the test."""
+    """Add a row to the table until the end of the test."""
     rows = tuple(OPERATORS.values())
     yield lambda row: OPERATORS.replace((*rows, row))
     OPERATORS.replace(rows)
@@ -167,7 +167,7 @@ def test_new_row_explained_in_dense_time(add: Add, row: Operator, spelled: str) 
 
 
 def named(why: rtamt.dense.Explanation, trace: Mapping[str, list[tuple[int, int]]]) -> list[bool]:
-    """The signs of the predicates at the causes of a violation."""
+    """Return the signs of the predicates at the causes of a violation."""
     spans = [(item.formula, *item.window, item.open_end) for item in why.contributions]
     if why.steps[-1].outside is None:
         spans.append((why.steps[-1].formula, why.steps[-1].time, why.steps[-1].time, False))

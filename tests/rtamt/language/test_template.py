@@ -21,10 +21,10 @@ named = formulas(endless=True).flatmap(lambda formula: with_names(str(formula)))
 
 
 def content(spec: Specification) -> tuple[object, ...]:
-    """The content of a specification, with the nodes that have a place in its text.
+    """Return the content of a specification, with the nodes that have a place in its text.
 
-    The place of an operator with an interval is that of the interval, so it is not that of an
-    operator whose bounds a text leaves out.
+    The place of an operator with an interval is the interval. It differs from the place of an
+    operator whose bounds a text omits.
     """
     maps: list[Mapping[object, object]] = [spec.uses, spec.overrides, spec.types]  # type: ignore[list-item]
     places = {
@@ -41,7 +41,7 @@ def test_template_matches_parse(named: Named) -> None:
     assert template.names == named.first.keys()
     try:
         expected = parse(named.text, constants={**named.first, **named.then})
-    except SpecificationError:  # of several bounds that are wrong each may name another
+    except SpecificationError:  # of several wrong bounds, each error may name another
         with pytest.raises(SpecificationError, match="expected a bound of at least"):
             template.at(named.then)
     else:
@@ -51,7 +51,7 @@ def test_template_matches_parse(named: Named) -> None:
 
 @given(named)
 def test_template_formula_is_interned(named: Named) -> None:
-    assume("--" not in named.written.replace(" ", ""))  # two signs in a row are no bound
+    assume("--" not in named.written.replace(" ", ""))  # two signs in a row are not a bound
     try:
         expected = parse(named.written)
     except SpecificationError:

@@ -215,7 +215,7 @@ def test_an_interval_is_made_of_fractions(bounds: tuple[Fraction, Fraction]) -> 
 
 
 class Silent:
-    """An object with a repr that raises."""
+    """An object with a repr that raises an error."""
 
     def __repr__(self) -> str:
         raise RuntimeError

@@ -30,7 +30,7 @@ out.value = always(cmd.linear.x - odom.twist.twist.linear.x <= 0.1 and cmd.angul
 
 
 def shown(text: str) -> list[tuple[str, str, str, str]]:
-    """Variable, class, topic, and the variables with their paths."""
+    """Return variable, class, topic, and the variables with their paths."""
     return [
         (
             s.variable,
@@ -168,7 +168,7 @@ def test_the_text_says_topics_messages_and_fields() -> None:
     assert published == [
         ("near", "near", "/near", "rtamt/near", ("data",)),
         ("plain", "plain", None, "rtamt/plain", ("data",)),
-        ("whole", "whole", None, "rtamt/whole", ()),  # no number
+        ("whole", "whole", None, "rtamt/whole", ()),  # not a number
         (twist, "whole", None, "rtamt/whole", ("twist", "twist", "linear", "x")),
         ("a.b", "a.b", None, "rtamt/a/b", ("data",)),
         ("out.value", "out", "monitor/out", "rtamt/out", ("value",)),

@@ -1,4 +1,4 @@
-"""Requirements in words: every formula has a sentence, which reads back to this formula."""
+"""Requirements in words: every formula has a sentence that can be read back to the formula."""
 
 import re
 from collections import Counter

@@ -1,4 +1,4 @@
-"""An update costs the same in any window and at any time; a whole trace costs its length."""
+"""An update costs the same in any window and at any time; a trace costs its length."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ pytestmark = pytest.mark.slow
 Backend = Literal["native", "python"]
 Columns = list[NDArray[np.float64]]
 
-NATIVE = [b for b in ("native",) if b == rtamt.BACKEND]  # the Python machines look at each window
+# The Python machines read each window completely.
+NATIVE = [b for b in ("native",) if b == rtamt.BACKEND]
 
 FORMULAS = (
     "always((a > 1) implies eventually[0:5](b > 0))",
@@ -38,7 +39,7 @@ DENSE = (
 
 @pytest.fixture(scope="module")
 def count(backend: Backend) -> Iterator[StepCounter]:
-    """Counts the steps of the back-end's machines."""
+    """Return a counter of the back-end's steps."""
     if backend == "python":
         yield StepCounter()
         return
@@ -53,7 +54,7 @@ def noise(n: int) -> NDArray[np.float64]:
 
 
 def events(n: int) -> dict[str, rtamt.dense.Events]:
-    """Events at irregular times, one in a unit of time on average."""
+    """Return events at irregular times, on average one per unit of time."""
     times = np.cumsum(np.random.default_rng(5).uniform(0.5, 1.5, n))
     return {name: rtamt.dense.Events(times, v) for name, v in zip("ab", noise(n).T, strict=True)}
 
@@ -187,7 +188,7 @@ def test_an_event_of_an_episode_changes_few_open_values(
         later = zip(a[700:], b[700:], strict=True)
         return sum(count(monitor.update, {"a": [x], "b": [y]}) for x, y in later)
 
-    # What is folded anew at each event costs 25 times as much in the wider window.
+    # A fold that is computed again at each event costs 25 times as much in the wider window.
     assert spent(500) <= 2.5 * spent(20)
 
 
@@ -211,7 +212,7 @@ def test_python_reads_whole_arrays_of_events(text: str, backend: Backend) -> Non
     lines, spec = StepCounter(), rtamt.parse(text)
 
     def whole(n: int) -> dict[str, rtamt.dense.Events]:
-        """Events at whole milliseconds: exact arithmetic is for times between two ticks."""
+        """Return events at whole milliseconds: exact arithmetic is for times between two ticks."""
         return {v: rtamt.dense.Events(np.round(e.times, 3), e.values) for v, e in events(n).items()}
 
     def judged(n: int) -> int:
@@ -258,7 +259,7 @@ def test_a_judgement_reads_the_trace_once(
 
 
 def samples_read(text: str, end: End, monkeypatch: pytest.MonkeyPatch) -> int:
-    """How many samples the machines take in to judge a trace of 500."""
+    """Return the number of samples that the machines read to judge a trace of 500."""
     evaluate, run, taken = PythonDiscreteMachine.evaluate, PythonDiscreteMachine.run, list[int]()
 
     def counted_run(self: PythonDiscreteMachine, columns: Columns, n: int) -> Columns:

@@ -1,4 +1,4 @@
-"""Windows longer than hypothesis draws, where blocks of a fold end and begin."""
+"""Windows longer than hypothesis draws, at the borders of blocks of a fold."""
 
 import copy
 import math
@@ -23,7 +23,7 @@ A, B = variable("a") > 0, variable("b") > 0
 
 
 def timed(name: str, begin: int, width: int) -> Formula:
-    """The operator over a > 0, and b > 0 if it takes two."""
+    """Return the operator over a > 0, and b > 0 if it has two operands."""
     args = (A, B)[: OPERATORS[name].arity[0]]
     made = make(name, args, Interval.of(begin, begin + width))
     assert isinstance(made, Formula)
@@ -31,7 +31,7 @@ def timed(name: str, begin: int, width: int) -> Formula:
 
 
 def walk(seed: int, n: int) -> dict[str, list[float]]:
-    """Values that repeat and drift, so that a fold keeps some of them for long."""
+    """Return values that repeat and drift, so that a fold keeps some of them for long."""
     steps = np.random.default_rng(seed).integers(-3, 4, (2, n))
     return {"a": (4.0 + steps[0].cumsum()).tolist(), "b": (steps[1] * 2.0).tolist()}
 

@@ -1,4 +1,4 @@
-"""Snapshots of the Python machines, and what leaves their state as it was."""
+"""Snapshots of the Python machines, and errors that leave their state unchanged."""
 
 import copy
 from collections.abc import Callable
@@ -22,7 +22,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
 
 
 def feed(kind: str, machine: Machine, times: range) -> object:
-    """Take in samples, or events, of some times; what the last update returned."""
+    """Update with samples or events of some times; return the last result."""
     last = None
     for t in times:
         x, y = float(t % 5 - 2), float(t % 3)

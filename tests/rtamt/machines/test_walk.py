@@ -1,4 +1,4 @@
-"""Whole traces column by column, against the definition and the machine that takes in samples."""
+"""Traces column by column, against the definition and the machine that takes samples."""
 
 from __future__ import annotations
 

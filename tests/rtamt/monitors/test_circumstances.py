@@ -1,4 +1,4 @@
-"""What else contributes to a violation, over samples and in dense time."""
+"""The other contributions to a violation, over samples and in dense time."""
 
 import math
 import pickle
@@ -44,7 +44,7 @@ def violated(draw: st.DrawFn, name: str | None = None) -> Case:
 
 
 def named(why: Explanation) -> list[tuple[Formula, range]]:
-    """The formulas, and the samples, whose signs an explanation names."""
+    """Return the formulas, and the samples, whose signs an explanation names."""
     found = [
         (each.formula, range(each.window[0], each.window[1] + 1))
         for each in why.contributions
@@ -172,10 +172,10 @@ def test_a_broken_until_says_which_side_broke() -> None:
         ("broken", "a > 0", (2, 2), 2, -1.0),
         ("missing", "b > 0", (0, 2), 0, -1.0),
     ]
-    # Nothing broke: the right side was not reached in the window.
+    # No failure: the right side was not reached in the window.
     why = explain("a > 0 until[0:3] b > 0", {"a": [1] * 5, "b": [-1, -4, -3, -5, 6]})
     assert [(e.role, e.text, e.window) for e in why.contributions] == [("missing", "b > 0", (0, 3))]
-    # It broke before the window began: the right side does not matter.
+    # It failed before the start of the window: the right side does not matter.
     why = explain("a > 0 until[2:3] b > 0", {"a": [1, -1, 1, 1, 1], "b": [1] * 5})
     assert (str(why.predicate), why.contributions) == ("a > 0", ())
 
@@ -222,10 +222,10 @@ def test_of_many_the_text_shows_some() -> None:
 
 
 def named_in_dense_time(why: rtamt.dense.Explanation, begin: float) -> list[tuple[Formula, range]]:
-    """The formulas, and the regions, whose signs an explanation names."""
+    """Return the formulas, and the regions, whose signs an explanation names."""
 
     def region(time: float) -> int:
-        """The region in which a time is; a tick after an instant is in the interval after it."""
+        """Return the region of a time; a tick after an instant is in the interval after it."""
         place = (time - begin) / STEP
         return 2 * int(place) + (place != int(place))
 
@@ -250,7 +250,7 @@ def named_in_dense_time(why: rtamt.dense.Explanation, begin: float) -> list[tupl
 
 
 def check(formula: Formula, whole: Signals, instant: int, seed: int, backend: Backend) -> None:
-    """The formula, or its negation, is violated at an instant as long as what is named stays."""
+    """The formula, or its negation, is violated at an instant as long as the named parts stay."""
     assume(formula.variables)
     its = relevant(whole, formula.variables)
     regions = Regions(its, STEP)
@@ -343,7 +343,7 @@ def test_a_broken_until_in_dense_time_says_which_side_broke(backend: Backend) ->
 
 
 def test_a_window_from_right_after_a_time_does_not_have_its_begin(backend: Backend) -> None:
-    trace: Signals = {  # the until holds at 0 s alone
+    trace: Signals = {  # the until holds only at 0 s
         "p": [(0.0, 1.0), (1.0, -1.0), (9.0, -1.0)],
         "q": [(0.0, -1.0), (1.0, 1.0), (9.0, 1.0)],
         "r": [(0.0, -2.0), (9.0, -2.0)],

@@ -47,7 +47,7 @@ dense_formulas = formulas(endless=True, dense=True).filter(lambda f: f.variables
 
 
 def expected(formula: Formula, whole: Signals) -> list[tuple[float, float]]:
-    """The definition's breakpoints."""
+    """Return the definition's breakpoints."""
     return Definition(relevant(whole, formula.variables)).breakpoints(formula)
 
 
@@ -139,7 +139,7 @@ AGREE = (
 
 @st.composite
 def agreeing(draw: st.DrawFn, depth: int = 3) -> Formula:
-    """A formula of the operators that mean the same over samples and over steps."""
+    """Formulas of the operators that are equal over samples and over steps."""
     if depth == 0:
         return draw(rooted(draw(st.sampled_from((">=", "<", "==", "!=")))))
     name = draw(st.sampled_from(AGREE))

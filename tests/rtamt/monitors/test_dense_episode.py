@@ -28,7 +28,7 @@ from rtamt.program.dense_lowering import NANOSECOND, compile_regions
 
 
 def of(chunk: Signals, formula: Formula) -> Signals:
-    """The events of the variables of a formula."""
+    """Return the events of the variables of a formula."""
     return {name: events for name, events in chunk.items() if name in formula.variables}
 
 
@@ -48,7 +48,7 @@ def test_after_every_chunk_it_is_what_the_definition_says(
 
 
 def agrees(formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend) -> None:
-    """Compare a monitor after every chunk, and every reading of the end, with the definition."""
+    """Compare a monitor after every chunk, and in every end mode, with the definition."""
     its = relevant(whole, formula.variables)
     definition = Regions(its, STEP)
     decided = definition.first_decided(formula)
@@ -78,7 +78,7 @@ def agrees(formula: Formula, whole: Signals, shares: list[list[float]], backend:
 
 
 def endless_over_late(rng: random.Random) -> Formula:
-    """A future without an end, over operands that settle at different times, inside an operator."""
+    """Unbounded futures over operands that settle at different times, inside an operator."""
     first, second, third = (variable(rng.choice("abc")) > 0 for _ in range(3))
     begin = rng.randint(0, 2)
     window = begin, begin + rng.randint(1, 2)
@@ -197,7 +197,7 @@ def test_before_the_first_event_constants_bound_the_first_instant(
 def test_the_last_instant_of_which_a_cut_trace_shows_something_reads_that_alone(
     text: str, last: float, bounds: tuple[float, float], backend: Backend
 ) -> None:
-    """At 4 s the inner operator begins at the end, where y is what it was nowhere before."""
+    """At 4 s the inner operator starts at the end, where y has a new value."""
     monitor = rtamt.dense.EpisodeMonitor(text, resolution="1s", backend=backend)
     monitor.update(x=[(0, 2.0), (5, 2.0)], y=[(0, -last), (5, last)])
     monitor.finish("cut")

@@ -1,4 +1,4 @@
-"""Errors in dense time, in exact words; a call with an error leaves no trace."""
+"""The exact errors in dense time; a call with an error leaves no trace."""
 
 import functools
 import math
@@ -35,7 +35,7 @@ Error = type[RtamtError]
 
 
 def refused(error: Error, text: str, call: Callable[[], object]) -> None:
-    """The call raises exactly this."""
+    """Check the exact error of a call."""
     with pytest.raises(error, match=f"^{re.escape(text)}$") as raised:
         call()
     assert type(raised.value) is error
@@ -43,14 +43,14 @@ def refused(error: Error, text: str, call: Callable[[], object]) -> None:
 
 @pytest.fixture
 def monitor(backend: Backend) -> rtamt.dense.Monitor:
-    """A monitor of two variables that have an event each."""
+    """Return a monitor of two variables with an event each."""
     made = rtamt.dense.Monitor("once[0:2](req - gnt > 1)", backend=backend)
     made.update({"req": [(1, 4)], "gnt": [(2, 1)]})
     return made
 
 
 class Column:
-    """Values with an index, as those of data frames: has keys, and iterates over values."""
+    """Values with an index, as in data frames: has keys, and iterates over values."""
 
     def __init__(self, values: dict[float, float]) -> None:
         self.values = values

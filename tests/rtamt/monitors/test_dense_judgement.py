@@ -42,7 +42,7 @@ def values(found: Judgement) -> tuple[float, float, float]:
 
 
 def agrees(formula: Formula, whole: Signals, backend: Backend) -> None:
-    """Compare every reading of the end with the definition."""
+    """Compare every end mode with the definition."""
     assume(formula.variables)
     its = relevant(whole, formula.variables)
     definition = Regions(its, STEP)
@@ -130,7 +130,7 @@ def test_resolution_unit_and_backend_do_not_matter(formula: Formula, whole: Sign
 
 
 def _in_seconds(formula: Formula) -> str:
-    """The text of a formula with a unit at the end of every interval."""
+    """Return the text of a formula with a unit at the end of every interval."""
     return str(formula).replace("]", " s]")
 
 
@@ -156,9 +156,9 @@ def test_on_uniform_samples_it_is_judge(period: float, backend: Backend) -> None
 
 
 def of_steps(rng: random.Random, depth: int, *, first: bool = True) -> str:
-    """A formula that means the same over samples and over the steps that begin with them.
+    """Formulas that are equal over samples and over the steps that start with them.
 
-    A future window that begins later is the outermost window: it may lie behind the last step.
+    A future window with a later start is the outermost window: it may lie after the last step.
     """
     if not depth or rng.random() < 0.15:
         return f"({rng.choice('xy')} {rng.choice(COMPARISONS)} {rng.randint(-1, 1)})"
@@ -209,7 +209,7 @@ UNLESS, LATER = "x > 5 unless[0:14] y > 2", "x > 5 unless[12:14] y > 2"
         ("always(x > 5)", "open", ["always(x > 5): not recorded: 10 s and later"]),
         ("always[20:inf](x > 5)", "cut", ["always[20:inf](x > 5): not recorded: 20 s and later"]),
         ("always(x > 5)", "cut", []),
-        (  # a past without begin reads the first instant
+        (  # a past without a start reads the first instant
             "once(always[0:12](x > 5))",
             "cut",
             ["always[0:12](x > 5): not recorded: 10 s to 12 s"],
@@ -311,7 +311,7 @@ def test_what_is_open_holds_at_every_later_end(
 
 
 def until(whole: Signals, end: float) -> Signals:
-    """The signals up to a time, which all have an event there."""
+    """Return the signals up to a time, at which all have an event."""
     return {
         name: [*(event for event in events if event[0] < end), (end, _at(events, end))]
         for name, events in whole.items()

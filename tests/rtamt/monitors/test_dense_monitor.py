@@ -41,7 +41,7 @@ bounded = formulas(dense=True).filter(lambda f: f.variables)
 
 
 def least_last(monitor: rtamt.dense.Monitor, calls: Chunks) -> float:
-    """The time up to which all variables are known after some calls."""
+    """Return the time up to which all variables are known after some calls."""
     last = dict.fromkeys(monitor.variables, -math.inf)
     for chunk in calls:
         last |= {name: events[-1][0] for name, events in of(monitor, chunk).items()}
@@ -150,7 +150,7 @@ def test_values_are_the_robustness_just_before_it_is_unknown(
 
 # Stopped and continued. --------------------------------------------------------------------------
 def again(monitor: rtamt.dense.Monitor) -> rtamt.dense.Monitor:
-    """Out of a pickle."""
+    """Return a copy by pickle."""
     loaded: rtamt.dense.Monitor = pickle.loads(pickle.dumps(monitor))
     return loaded
 
@@ -284,7 +284,7 @@ TENTH = Fraction(1, 10)
 
 
 def tenths(formula: Formula, unit: str = "s") -> Specification:
-    """The formula with bounds that are multiples of a tenth of a second in place of a half."""
+    """Return the formula with bounds in tenths of a second instead of halves."""
 
     def shorter(bounds: re.Match[str]) -> str:
         numbers = (Fraction(b) / 5 / UNITS[unit] for b in bounds.groups() if b != "inf")
@@ -296,12 +296,12 @@ def tenths(formula: Formula, unit: str = "s") -> Specification:
 
 
 def exact(whole: Signals, start: int = 0) -> dict[str, list[tuple[Fraction, float]]]:
-    """The events at multiples of a tenth."""
+    """Return the events at multiples of a tenth."""
     return {n: [(start + Fraction(t) / 5, v) for t, v in events] for n, events in whole.items()}
 
 
 def sums(events: list[tuple[Fraction, float]]) -> list[tuple[float, float]]:
-    """The events at sums of doubles, such as 0.7 + 0.1, which is no double of 0.8."""
+    """Return the events at sums of doubles, such as 0.7 + 0.1, which differs from 0.8."""
     steps = [events[0][0], *(y[0] - x[0] for x, y in itertools.pairwise(events))]
     times = itertools.accumulate(float(step) for step in steps)
     return [(time, value) for time, (_, value) in zip(times, events, strict=True)]

@@ -1,4 +1,4 @@
-"""The origin of a value over the positions of dense time, against every position one by one."""
+"""The origin of a value over the positions of dense time, checked at every position."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Drawn(NamedTuple):
         return INF if self.hi is None else self.hi
 
     def origin(self, row: Operator) -> Origin:
-        """What the row chooses among as many operands as it has."""
+        """Return the choice of the row among its operands."""
         operands = [runs(self.left), runs(self.right)][: row.arity[0]]
         last = len(self.left) - 1
         bounds = self.lo, self.hi
@@ -60,7 +60,7 @@ def drawn(seed: int) -> Drawn:
 
 
 def runs(values: list[float]) -> RobustnessSignal:
-    """The values as runs of equal bits."""
+    """Return the values as runs of equal bits."""
     bits = np.array(values).view(np.int64)
     starts = np.flatnonzero(np.append(True, bits[1:] != bits[:-1])).astype(np.int64)
     return RobustnessSignal(np.array(values)[starts], starts)
@@ -107,7 +107,7 @@ def test_of_a_window_the_first_best_place_decides(name: str, seed: int) -> None:
 
 
 def windowed(name: str, values: list[float], lo: int, hi: float) -> Callable[[int], Reasons]:
-    """The reasons of a window at a position."""
+    """Return the reasons of a window at a position."""
     offsets: tuple[float, float] = (lo, hi) if OPERATORS[name].future else (-hi, -lo)
     return lambda now: Operands(values).windowed(WINDOWS[name], now, *offsets)
 
@@ -127,7 +127,7 @@ def of_operators(inner: str, outer: str, bounds: Bounds, *, mapped: bool) -> Ope
 
 @pytest.mark.parametrize("outer", WINDOWS)
 @pytest.mark.parametrize("inner", ["since", "until", "once", "always"])
-@example(seed=328)  # a since changes one position before its left side does
+@example(seed=328)  # a since changes one position before its left side
 @example(seed=789)  # an until changes one position after
 @settings(max_examples=examples(60))
 @given(seed=st.integers(0, 2**32))
@@ -158,7 +158,7 @@ def test_an_operator_made_of_operators_is_explained_through_the_inner_one(
         if side == 1 and mapped and case.right[place] < -1.0:
             side, place = None, 0  # a constant
         assert (origin.operand, origin.place, origin.witness) == (side, place, chosen.witness)
-        # Those of the inner operator at the begin of a stretch, and where it changes.
+        # The positions of the inner operator at the start of a run, and at its changes.
         ((_, first, last, _),) = reasons.parts
         named = {part[:3] for part in parts_of(origin)}
         if not mapped:

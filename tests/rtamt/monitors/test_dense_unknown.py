@@ -1,4 +1,4 @@
-"""Values in dense time that are not known, or not exactly, and holes: bounds around all traces."""
+"""Unknown or uncertain values in dense time, and missing intervals: bounds around all traces."""
 
 import itertools
 import math
@@ -36,7 +36,7 @@ V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
 
 @st.composite
 def uncertain_signals(draw: st.DrawFn, share: float = 0.4) -> Uncertain:
-    """Events of every variable, some of which are not known."""
+    """Events of every variable, some of which are unknown."""
     rng = random.Random(draw(st.integers(0, 2**32)))
     return {
         name: [(time, some_value(rng, share)) for time, _ in events]
@@ -45,7 +45,7 @@ def uncertain_signals(draw: st.DrawFn, share: float = 0.4) -> Uncertain:
 
 
 def one_of(whole: Uncertain, rng: random.Random) -> Signals:
-    """Signals that uncertain ones may be, which change at more times."""
+    """Signals that uncertain ones allow, with more changes."""
     end = min(events[-1][0] for events in whole.values())
     found: Signals = {}
     for name, events in whole.items():
@@ -126,7 +126,7 @@ def test_the_bounds_are_those_of_intervals_at_every_instant(
 
 
 def between(f: Node, trace: Trace, i: int | None) -> Value:
-    """The least and the greatest value of a comparison of a variable with a quarter."""
+    """Return the minimum and the maximum of a comparison of a variable with a quarter."""
     if i is None or not f.variables:
         return predicate(f, trace, i)
     (name,) = f.variables
@@ -218,7 +218,7 @@ TICK = STEP / 4
 
 
 def with_holes(events: list[tuple[float, float]], most: float) -> list[tuple[float, float]]:
-    """The events, and an unknown one a tick after each that begins a hole."""
+    """Return the events, and an unknown one a tick after each that starts a missing interval."""
     found = []
     for (time, value), (after, _) in itertools.pairwise(events):
         found.append((time, value))
@@ -268,7 +268,8 @@ def test_both_instants_of_a_hole_are_known_and_the_end_is_none(backend: Backend)
         assert rtamt.dense.judge(text, x, "complete", max_gap=8, backend=backend).unknown == ()
     late: Signals = {"x": [(0, 1), (1, 1), (50, 1)], "y": [(0, 1), (0.5, 1), (1, 1)]}
     found = rtamt.dense.judge("always(x > 0 and y > 0)", late, max_gap=2, backend=backend)
-    assert (found.verdict, found.unknown) == (S, ())  # the trace ends where the hole begins
+    # The trace ends where the missing interval starts.
+    assert (found.verdict, found.unknown) == (S, ())
 
 
 DECLARED = "input float64 a\ninput float64 b = 2\nalways(a < b)"

@@ -1,4 +1,4 @@
-"""How a trace ends: `finish(end=)` of the episode monitors under the three readings."""
+"""The end of a trace: `finish(end=)` of the episode monitors in the three end modes."""
 
 import math
 
@@ -29,7 +29,7 @@ CUT = [case for case in cases("verdict.json") if "cut" in case]
 
 
 def fed(formula: Formula | str, trace: Trace, backend: Backend) -> EpisodeMonitor:
-    """A monitor that has taken in the trace."""
+    """Return a monitor after the trace."""
     monitor = EpisodeMonitor(formula, backend=backend)
     for i in range(length(trace)):
         feed(monitor, trace, i)
@@ -61,8 +61,8 @@ def test_endless_operators_inside_others_agree_with_the_definition(
     agrees_with_its_definition(data.draw(st.sampled_from(outer)), trace, backend)
 
 
-# What a bound takes from samples far from its time: a window of the past that lies before the
-# first sample, the whole past of unseen times, and values that nobody reads before a cut.
+# Bounds that depend on samples far from their time: a window of the past before the first sample,
+# the whole past of unseen times, and values that are not read before a cut.
 SELDOM_READ = [
     ("eventually[0:1](always(historically[3:3](eventually[4:4](a > 0 and 1 > 0))))", [3.0] * 4),
     ("eventually[5:9](always(once(a > 0 and 1 > 0)))", [3.0, 2.0]),
@@ -203,7 +203,7 @@ def test_an_until_without_end_of_which_nothing_was_recorded_is_as_open_as_a_begi
         assert monitor.bounds() == bounds
         assert judge(text, trace, end="cut", backend=backend).lower == bounds[0]
         assert judge(text, trace, end="cut", backend=backend).upper == bounds[1]
-    # Of this one its first instant was recorded: no witness was.
+    # Its first instant was recorded, without a witness.
     monitor = fed("a > 0 until[1:inf] b > 3", trace, backend)
     monitor.finish("cut")
     assert monitor.lower == monitor.upper < 0

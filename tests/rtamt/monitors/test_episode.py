@@ -65,7 +65,7 @@ def test_every_operator_is_bounded_as_its_definition_says(
 
 @st.composite
 def endless(draw: st.DrawFn) -> Formula:
-    """A window without an end over atoms."""
+    """Unbounded windows over atoms."""
     name = draw(
         st.sampled_from([n for n in FORMULAS if OPERATORS[n].timed and OPERATORS[n].future])
     )

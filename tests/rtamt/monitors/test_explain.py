@@ -1,4 +1,4 @@
-"""Explanations over samples: every step is what the definitions say, and the last one decides."""
+"""Explanations over samples: every step follows the definitions, and the last one decides."""
 
 import copy
 import itertools
@@ -45,7 +45,7 @@ def explained(draw: st.DrawFn, name: str | None = None) -> tuple[Formula, Trace,
 
 # What the steps say. -----------------------------------------------------------------------------
 def offsets(formula: Formula, i: int, n: int) -> range:
-    """The samples of the trace in the window of a temporal operator."""
+    """Return the samples of the trace in the window of a temporal operator."""
     assert formula.op is not None
     first, last = bounds(formula)
     if formula.op.sampled:
@@ -56,7 +56,7 @@ def offsets(formula: Formula, i: int, n: int) -> range:
 
 
 def reached(formula: Formula, trace: Trace, n: int, i: int, j: int) -> float:
-    """What the definitions of until and since give for the witness j."""
+    """Return the value of until and since for the witness j, by definition."""
     p, q = (robustness(arg, trace, n) for arg in formula.args)
     return min([q[j], *(p[i:j] if j >= i else p[j + 1 : i + 1])])
 
@@ -109,7 +109,7 @@ Case = tuple[Formula, Trace, int, Explanation]
 
 @st.composite
 def decided(draw: st.DrawFn) -> Case:
-    """Predicates of values that differ from each other, and from each other's opposites."""
+    """Predicates with values that differ from each other and from each other's negations."""
     formula, names = opened(draw(formulas(endless=True)))
     n = draw(st.integers(1, 12))
     rng = random.Random(draw(st.integers(0, 2**32)))
@@ -221,7 +221,7 @@ def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided(
         ("not (a > 0 until b > 0)", [-1, -2, -3], "nearest: the right side at sample 0"),
         ("not (a > 0 until b > 0)", [-1, -2, 3], "witness: the right side at sample 2"),
         ("historically(a > 0 since b > 0)", [-1, -2, -3], "nearest: the right side at sample 0"),
-        # The right side holds there, and the left side broke before.
+        # The right side holds there, and the left side failed before.
         ("a > 1 until b > 0", [-1, -2, 3], "nearest: the right side at sample 2"),
     ],
 )

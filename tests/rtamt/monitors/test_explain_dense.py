@@ -1,4 +1,4 @@
-"""Explanations in dense time: every step is what the definitions say, and the last one decides."""
+"""Explanations in dense time: every step follows the definitions, and the last one decides."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ INF = math.inf
 
 # What the steps say. -----------------------------------------------------------------------------
 class Checked:
-    """An explanation beside the definition, which knows nothing of explanations."""
+    """An explanation, checked by a definition that knows nothing of explanations."""
 
     def __init__(self, definition: Regions, explanation: rtamt.dense.Explanation) -> None:
         self.definition = definition
@@ -61,7 +61,7 @@ class Checked:
             assert not self.window(last)
 
     def region(self, time: float, *, after: bool) -> int:
-        """The region of the definition in which a time is, or what comes right after it."""
+        """Return the region of a time in the definition, or the region right after it."""
         steps = (time - self.definition.begin) / self.definition.step
         assert steps == int(steps)
         return 2 * int(steps) + after
@@ -73,7 +73,7 @@ class Checked:
         return self.definition.at(formula, "complete")(place)[1]
 
     def window(self, step: DenseExplanationStep) -> range:
-        """The regions of the trace in the window of an operator."""
+        """Return the regions of the trace in the window of an operator."""
         f = step.formula
         assert f.op is not None
         scale = 2 / self.definition.step
@@ -86,7 +86,7 @@ class Checked:
         return range(max(0, now - last), now - first + 1)
 
     def check_place(self, step: DenseExplanationStep, place: int) -> None:
-        """The operand's place is one that the operator looks at."""
+        """Check that the operator reads the operand's place."""
         assert step.formula.op is not None
         if not step.formula.op.timed:
             assert place == self.place(step)
@@ -138,7 +138,7 @@ def cases(
 
 
 def checked(case: Case, backend: Backend) -> rtamt.dense.Explanation:
-    """The explanation of a case, with all its steps checked."""
+    """Return the explanation of a case, with all its steps checked."""
     formula, whole, time = case
     explanation = rtamt.dense.explain(formula, whole, time, backend=backend)
     assert (explanation.steps[0].formula, explanation.time) == (formula, time)
@@ -177,7 +177,7 @@ def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
 
 @st.composite
 def changing_after_instants(draw: st.DrawFn) -> Case:
-    """An operator with a witness, of operands that change right after an instant."""
+    """An operator with a witness, over operands that change right after an instant."""
     past = rooted("once", dense=True) | rooted("historically", dense=True)
     name = draw(st.sampled_from(["since", "until", "unless"]))
     interval = draw(rooted(name, dense=True)).interval
@@ -217,7 +217,7 @@ def test_back_ends_explain_alike_and_fit_80_columns(case: Case) -> None:
 # That it decided. --------------------------------------------------------------------------------
 @st.composite
 def opened_cases(draw: st.DrawFn) -> Case:
-    """Predicates of values that differ from each other, and from each other's opposites."""
+    """Predicates with values that differ from each other and from each other's negations."""
     drawn = formulas(endless=True, dense=True).filter(lambda f: f.variables)
     formula, names = opened(draw(drawn))
     rng = random.Random(draw(st.integers(0, 2**32)))
@@ -351,7 +351,7 @@ def operand(rng: random.Random, name: str, other: str) -> Formula:
 
 
 def closed(rng: random.Random) -> Formula:
-    """A formula that changes right after an instant: an until that must last for so long."""
+    """A formula that changes right after an instant: an until with a duration."""
     p, q = variable(rng.choice("ab")) > 0, variable(rng.choice("ab")) > 0
     k = rng.randint(1, 2)
     its = p.until(q, k, k)
@@ -379,7 +379,7 @@ def drawn(name: str, seed: int) -> ReasonCase:
 
 
 class Said:
-    """What an explanation says of the operator, in positions from the begin of the trace."""
+    """The explanation of the operator, in positions from the start of the trace."""
 
     def __init__(self, inner: Formula, why: rtamt.dense.Explanation, begin: float) -> None:
         self._begin = begin
@@ -441,7 +441,7 @@ def test_an_explanation_names_what_the_definition_chooses(
     if reason_holds(why.robustness):
         assert why.contributions == ()
         return
-    # What decided is a step. A formula at one place is said by its own operands there.
+    # A step decides. The operands of a formula at one place are described there.
     named = set() if reasons.decided is None else {reasons.decided + reasons.decided[1:]}
     compound = {side for side, arg in enumerate(inner.args) if is_compound(arg)}
     expected: list[Part] = []

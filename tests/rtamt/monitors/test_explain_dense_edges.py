@@ -1,4 +1,4 @@
-"""What explanations in dense time look like, ties, edges of the trace, and what is refused."""
+"""Texts of explanations in dense time, ties, edges of the trace, and errors."""
 
 import math
 import pickle
@@ -137,7 +137,7 @@ def test_a_witness_and_a_stretch_without_a_first_instant_are_named() -> None:
         "      1 s      1  a"
     )
     assert [(step.time, step.after) for step in explanation.steps] == [(5, False), (1, True)]
-    # At 1 s, b is reached at 2 s, and a is 1 up to there. Right after, a is asked for at 2 s too.
+    # At 1 s, b is reached at 2 s, and a is 1 up to there. Right after, a must hold at 2 s too.
     trace = {"a": [(0, 1), (2, -4), (6, 4)], "b": [(0, 0), (2, 5), (6, 0)]}
     explanation = rtamt.dense.explain("a until[1:2] b", trace, 1)
     assert (explanation.robustness, explanation.causes) == (1, (("a", 1.0, 1.0),))

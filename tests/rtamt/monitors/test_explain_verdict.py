@@ -34,7 +34,7 @@ SHAPES = (
 
 
 def drawn(seed: int) -> tuple[str, Trace]:
-    """Return a formula and a trace whose numbers are all different."""
+    """Formulas and traces with different numbers only."""
     chance = random.Random(seed)
     names = [chance.choice(["x", "y", "z"]) for _ in range(3)]
     a, b, c = (

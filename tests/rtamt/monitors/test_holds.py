@@ -1,4 +1,4 @@
-"""The sign of a robustness: whether the formula holds, at 0 too."""
+"""The sign of a robustness: whether the formula holds, also at 0."""
 
 import math
 
@@ -56,12 +56,12 @@ def test_it_reads_what_evaluate_gives() -> None:
 
 
 def table(trace: Trace, names: tuple[str, ...]) -> list[list[float]]:
-    """A row for each sample."""
+    """Return a row for each sample."""
     return [[trace[name][i] for name in names] for i in range(length(trace))]
 
 
 def truth(formula: Formula, trace: Trace) -> list[bool]:
-    """Whether the formula holds at every sample."""
+    """Return whether the formula holds at every sample."""
     n = length(trace)
     return [true_at(formula, trace, n, i) for i in range(n)]
 

@@ -1,4 +1,4 @@
-"""`judge`: the verdict on a whole trace, against `EpisodeMonitor` and against its definition."""
+"""`judge`: the verdict on a trace, against `EpisodeMonitor` and against its definition."""
 
 import copy
 import inspect
@@ -36,7 +36,7 @@ V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
 
 
 def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
-    """Compare with the definition and with the monitor that has seen the same samples."""
+    """Compare with the definition and with the monitor of the same samples."""
     n = length(trace)
     now = evaluate(formula, trace, n=n, backend=backend)[0]
     seen = EpisodeMonitor(formula, backend=backend)
@@ -66,9 +66,9 @@ def test_it_says_what_the_monitor_says_of_the_same_samples(
 
 
 def undecided(formula: Formula, trace: Trace, n: int) -> set[tuple[str, int]]:
-    """The formulas, and samples, that leave the verdict on a trace that was cut open.
+    """Return the formulas, and samples, that make the verdict on a cut trace undecided.
 
-    They are undecided, and so is each formula on a way to them, at recorded times.
+    They are undecided, and so is each formula on a path to them, at recorded times.
     """
     found: set[tuple[str, int]] = set()
     stack: list[tuple[Node, int]] = [(formula, 0)]
@@ -89,7 +89,7 @@ def undecided(formula: Formula, trace: Trace, n: int) -> set[tuple[str, int]]:
 
 
 def random_late_until(rng: random.Random) -> Formula:
-    """A future without an end over one more, and over a past of what settles late."""
+    """An unbounded future over another one, and over a past of late operands."""
     a, b, c, d, e = (variable(rng.choice("ab")) > rng.choice((-1, 0, 1)) for _ in range(5))
     begin = rng.randint(1, 2)
     open_one = rng.choice((a.eventually(rng.randint(0, 3)), a.always(rng.randint(0, 3))))
@@ -232,7 +232,7 @@ def test_a_trace_of_many_blocks(backend: Backend, monkeypatch: pytest.MonkeyPatc
             "cut",
             ["always[0:9](x > 0): not recorded: samples 3 to 9"],
         ),
-        (  # a window that begins later needs nothing of the samples before it
+        (  # a window that starts later needs no earlier samples
             "eventually[5:10](always[0:20](x > 0))",
             {"x": [1] * 7},
             None,
@@ -265,11 +265,11 @@ def test_what_was_not_recorded_is_said_in_words_and_numbers(
 @pytest.mark.parametrize(
     ("text", "trace"),
     [
-        # Behind the trace a constant stays what it is, and decides what an operator may reach.
+        # After the trace a constant keeps its value, and decides what an operator may reach.
         ("(eventually 1 > 2) until a > b", {"a": [0.5], "b": [2.0]}),
         ("always(not (1 > 2) until a > b)", {"a": [0.0, -1.0], "b": [0.0, -1.0]}),
         ("always(eventually(a > 0 and 2 > 1))", {"a": [-3.0, -2.0]}),
-        # Past operators read recorded samples there, so that the values go on changing.
+        # Past operators read recorded samples there, so their values continue to change.
         (
             "eventually[0:2](always(always[1:1](b > 0 and 2 > 1) and once[0:1](a > 0)))",
             {"a": [2.0, 0.0], "b": [2.0, 0.0]},

@@ -41,7 +41,7 @@ NAN = float("nan")
 
 
 def rows_of(result: Judgements) -> list[tuple[object, ...]]:
-    """The rows as `row_of` gives them; a robustness by its bits."""
+    """Return the rows as `row_of` gives them; a robustness by its bits."""
     numbers = np.stack([result.robustness, result.lower, result.upper], axis=1)
     return [
         (
@@ -85,7 +85,7 @@ def agrees(
     batch: Sequence[Trace],
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Check the three forms of traces against `judge`, under all end modes."""
+    """Check the three forms of traces against `judge`, in all end modes."""
     if not as_specification(formula).variables:
         return  # a trace of such a formula is an array
     sizes = [length(trace) for trace in batch]
@@ -302,7 +302,7 @@ def test_frames_are_refused_as_judge_refuses_each(
     ]
     for i, row in enumerate(judged):
         assert isinstance(row, str) or rows_of(result)[i] == row
-    # The rows of a group need not be next to each other.
+    # The rows of a group need not be adjacent.
     keys = np.repeat(np.arange(len(lengths)), lengths)
     slots = np.empty(12, int)  # shuffle the objects, but keep the rows of each in order
     slots[np.argsort(keys[places], kind="stable")] = range(12)

@@ -1,4 +1,4 @@
-"""The memory that windows may come to take is known when a monitor is made, and limited."""
+"""The memory that windows may need is known when a monitor is created, and limited."""
 
 import math
 import pickle
@@ -37,14 +37,14 @@ EPISODE = [
     ("x > 0", 0),
     ("always[0:9](x > 0)", 0),
     ("always(x > 0)", 0),
-    # nine settled samples are read at a time, and as many values are open in three worlds
+    # nine settled samples are read at a time, and as many values are open in three modes
     ("always(eventually[0:9](x > 0))", 9 + 3 * 9),
     ("always(once[0:9](x > 0))", 9 + 3 * 9),
 ]
 
 
 def needed(call: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> int:
-    """The bytes that the error names under a limit of no bytes."""
+    """Return the bytes that the error names under a limit of no bytes."""
     monkeypatch.setattr(limits, "window_bytes", 0)
     try:
         call()
@@ -99,7 +99,7 @@ def test_the_first_sample_that_is_not_known_is_refused_if_two_machines_are_too_m
     for nan in ("raise", "unknown"):
         rtamt.EpisodeMonitor(text, backend=backend, nan=nan).update(between)
     monkeypatch.setattr(limits, "window_bytes", 2 * one - 1)
-    roomy.update(between)  # it was made under a greater limit
+    roomy.update(between)  # it was created under a larger limit
     monitor = rtamt.EpisodeMonitor(text, backend=backend)
     monkeypatch.setattr(limits, "window_bytes", 4 * one)
     several = rtamt.VectorEpisodeMonitor(text, 2, backend=backend)
@@ -134,7 +134,7 @@ def test_no_monitor_keeps_more_numbers(formula: Formula, trace: Trace) -> None:
 
 
 def numbers_in(part: Any) -> int:  # noqa: ANN401 - a window or a delay line
-    """The doubles in the blocks of a window or in the ring of a delay line."""
+    """Return the number of doubles in the blocks of a window or in the ring of a delay line."""
     blocks = [getattr(part, name, []) for name in ("_front", "_back", "_ring")]
     return sum(np.size(number) for block in blocks for number in block)
 
@@ -198,7 +198,7 @@ def test_the_error_names_bytes_formula_and_limit() -> None:
 def test_windows_that_go_on_behind_a_trace_take_twice_with_unknown_samples(
     middle: float, needed: str
 ) -> None:
-    """Three samples; two windows and a variable, a least and a greatest value of 8 bytes each."""
+    """Three samples; two windows and a variable, a minimum and a maximum of 8 bytes each."""
     with pytest.raises(SpecificationError, match=f"^STL:1:11: the windows need {needed}"):
         rtamt.judge(
             "eventually[0:1e9](once[0:1e9](x > 0))", {"x": [1.0, middle, 1.0]}, nan="unknown"
@@ -206,7 +206,7 @@ def test_windows_that_go_on_behind_a_trace_take_twice_with_unknown_samples(
 
 
 def limited(limit: float | np.number[Any], call: Callable[[], object]) -> None:
-    """The call under a limit."""
+    """Run the call under a limit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limits, "window_bytes", limit)
         call()

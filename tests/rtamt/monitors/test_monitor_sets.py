@@ -52,7 +52,7 @@ def numbers(monitor: EpisodeMonitor) -> tuple[float, float, float]:
 
 
 def least(values: Sequence[float]) -> float:
-    """The least of numbers among which -0.0 is below 0.0."""
+    """Return the minimum of numbers, with -0.0 below 0.0."""
     return min(values, key=lambda value: (value, math.copysign(1.0, value)))
 
 
@@ -246,7 +246,7 @@ class Cell:
 
 
 def reader(cell: Cell, view: memoryview) -> Callable[..., float]:
-    """Reads a view that dies with the cell."""
+    """Return a reader of a view that dies with the cell."""
     return lambda *_: float(view[0]) + 0.0 * len(vars(cell))
 
 
@@ -395,7 +395,7 @@ def test_a_log_is_that_of_single_entries_bit_for_bit(
 
 
 def act(log: VerdictLog, ledgers: list[Ledger], random: np.random.Generator) -> None:
-    """Feeds, ends or resets some entries of a verdict log, and their ledgers alike."""
+    """Update, end or reset some entries of a verdict log, and their ledgers."""
     num, what = len(ledgers), random.random()
     mask = None if random.random() < 0.5 else random.random(num) < 0.5
     chosen = [i for i in range(num) if mask is None or mask[i]]

@@ -241,7 +241,7 @@ NEUTRAL: Options = {"semantics": "output-robustness", "inputs": ["x"], "outputs"
 
 
 class Running:
-    """A number that runs something when it is read."""
+    """A number that runs a function when it is read."""
 
     def __init__(self, run: Callable[[], object], value: float = 1.0) -> None:
         self.run, self.value = run, value

@@ -1,4 +1,4 @@
-"""Predicates that count 0 neither hold nor fail: what hangs on one stays undecided."""
+"""Neutral predicates neither hold nor fail: a value that depends on one stays undecided."""
 
 import copy
 import pickle

@@ -29,7 +29,7 @@ from rtamt.typing import End
 @functools.cache
 @st.composite
 def requirements(draw: st.DrawFn, *, dense: bool = False) -> Formula:
-    """A formula with bodies below ``always`` and ``and``."""
+    """Formulas with bodies below ``always`` and ``and``."""
     below = formulas(2, endless=True, dense=dense)
     response = rooted("implies", 1, endless=True, dense=dense)
     answered = rooted("eventually", 0, endless=True, dense=dense) | rooted(
@@ -277,7 +277,7 @@ def test_an_unseen_violation_is_one_row() -> None:
 
 
 def test_an_unseen_violation_in_dense_time_needs_every_future() -> None:
-    """What follows may be anything, also for a formula that looks back only."""
+    """Any values may follow, also for a formula that reads only the past."""
     body = "((x > 0 or once[1:1](y > 0)) and once[2:2](z > 0)) or once[3:3](y > 0)"
     trace = {"x": [(0, 1), (4, 1)], "y": [(0, -1), (4, -1)], "z": [(0, 1), (3, -1), (4, 1)]}
     (row,) = rtamt.dense.occurrences(f"always[4:9]({body})", trace)

@@ -1,4 +1,4 @@
-"""In every entry the clocks in C++ count what the definition in Python counts."""
+"""In every entry the clocks in C++ count like the definition in Python."""
 
 import copy
 import pickle
@@ -61,7 +61,7 @@ def same(one: OperatorClocks, two: OperatorClocks) -> bool:
 def test_all_back_ends_count_as_the_definition(
     kind: str, event: str, data: st.DataObject, seed: int
 ) -> None:
-    """Also entries that are not fed or reset, and what goes on from a copy of the state."""
+    """Also entries without an update or reset, and copies of the state."""
     clocks = data.draw(st.lists(clock(kind, event), min_size=1, max_size=4))
     rng = np.random.default_rng(seed)
     made = [OperatorClocks(clocks, PARTS, NUM, backend=name) for name in BACKENDS]

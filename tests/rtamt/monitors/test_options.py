@@ -129,7 +129,7 @@ def test_what_gives_one_number_says_who_takes_values_that_are_not_known(
 
 
 class Silent:
-    """An object whose repr raises."""
+    """An object whose repr raises an error."""
 
     def __repr__(self) -> str:
         raise RuntimeError

@@ -43,12 +43,12 @@ ROOTS = tuple(OPERATORS)
 
 
 def play(monitor: Monitor, trace: Trace, samples: Iterable[int]) -> list[float]:
-    """What update gives at each of the samples."""
+    """Return the results of update at each of the samples."""
     return [monitor.update(sample(trace, i, monitor.variables)) for i in samples]
 
 
 def block(monitor: Monitor, trace: Trace, part: slice) -> dict[str, list[float]]:
-    """A part of a trace, of the variables that the monitor has."""
+    """Return a part of a trace, of the variables of the monitor."""
     return {name: trace[name][part] for name in monitor.variables}
 
 
@@ -63,7 +63,7 @@ def interrupted(draw: st.DrawFn, *, endless: bool = False) -> tuple[Formula, Tra
 # The registry: a new operator is tested by being registered. -------------------------------------
 @pytest.mark.slow  # needs all its examples
 def test_strategies_draw_every_operator() -> None:
-    drawn: set[str] = {"rate"}  # drawn by name alone
+    drawn: set[str] = {"rate"}  # drawn only by name
 
     def draws_all(formula: Formula) -> bool:
         drawn.update(node.op.name for node in formula.nodes() if node.op is not None)

@@ -1,4 +1,4 @@
-"""Rates of change: every way to judge samples has the values that differences give."""
+"""Rates of change: every way to judge samples uses the values of differences."""
 
 import copy
 import itertools
@@ -34,7 +34,7 @@ TRACES = st.lists(st.tuples(VALUES, VALUES), min_size=1, max_size=9)
 
 
 def rates(values: list[float], period: float) -> list[float]:
-    """The rates, by their definition."""
+    """Return the rates, by their definition."""
     found = [0.0]
     for before, value in itertools.pairwise(values):
         found.append(0.0 if value == before else (value - before) / period)

@@ -404,7 +404,7 @@ def test_without_an_implication_nothing_is_read(backend: Backend) -> None:
 
 
 def test_a_verdict_that_was_given_is_believed(backend: Backend) -> None:
-    """An episode that failed by how it ended is not satisfied, whatever its samples are."""
+    """An episode that failed by its end is not satisfied, for any samples."""
     its = Implications(RESPONSE, backend=backend)
     idle = {"req": [0.0] * 4, "gnt": [0.0] * 4}
     assert its.evidence(idle).never_triggered

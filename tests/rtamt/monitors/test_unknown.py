@@ -1,4 +1,4 @@
-"""Samples that are not known, or not exactly: bounds around every trace that they may be."""
+"""Unknown or uncertain samples: bounds around every trace that they allow."""
 
 import copy
 import itertools
@@ -111,7 +111,7 @@ def test_a_cut_moves_the_robustness_to_the_nearest_bound_of_both(
 def test_a_cut_moves_the_robustness_no_further_than_the_greatest_upper_bound(
     backend: Backend,
 ) -> None:
-    # Of an ended trace the window is empty, which is inf; of a cut one it is at most 1.
+    # In a complete trace the window is empty, which is inf; in a cut one it is at most 1.
     monitor = EpisodeMonitor("(b > 0) or always[5:8](a > 0 and 1 > 0)", backend=backend)
     monitor.update(a=1.0, b=UncertainValue(0.0, 3.0))
     assert monitor.robustness == INF
@@ -127,7 +127,7 @@ def test_without_an_unknown_sample_nothing_changes(
     for backend in BACKENDS:
         plain = EpisodeMonitor(formula, backend=backend)
         ready = EpisodeMonitor(formula, backend=backend, nan="unknown")
-        # An episode with unknown samples leaves nothing behind.
+        # An episode with unknown samples leaves no state.
         ready.update([NAN] * len(ready.variables))
         ready.reset()
         for i in range(len(trace["a"])):
@@ -142,7 +142,7 @@ def test_without_an_unknown_sample_nothing_changes(
 
 
 def read_once(rng: random.Random, names: list[str], depth: int) -> Formula:
-    """A formula that reads each variable once, and has no operator that reads an operand twice."""
+    """A formula that reads each variable once, without an operator that reads an operand twice."""
     if len(names) == 1 and (depth == 0 or rng.random() < 0.3):
         term, bound = variable(names[0]), number(rng.choice([-1.0, 0.0, 0.5]))
         return rng.choice([term > bound, term <= bound, (-term) >= bound, term * 2 - bound < 1])
@@ -185,7 +185,7 @@ def test_where_each_variable_is_read_once_the_bounds_are_reached(
 
 def test_bounds_go_by_polarity(backend: Backend) -> None:
     e = EpisodeMonitor("a > 1 implies b > 0", backend=backend)
-    # At the left, which counts negated, the greatest value is the worst case.
+    # The left side counts negated, so its maximum is the worst case.
     assert e.update(a=UncertainValue(0, 4), b=-2.0) == -2.0
     assert identical(e.bounds(), (-2.0, 1.0))
     e = EpisodeMonitor("(a > 1) iff (a > 1)", backend=backend)  # it reads both polarities
@@ -275,7 +275,7 @@ def test_a_default_stays_as_it_was(backend: Backend) -> None:
     e.update(x=0.0)
     e.update(x=0.0, limit=UncertainValue(1.0, 3.0))
     assert identical(e.bounds(), (-INF, 2.0))
-    e.update(x=2.0)  # whose limit is still not known
+    e.update(x=2.0)  # its limit is still unknown
     assert identical([e.robustness, e.upper], [-1.0, 1.0])
 
 
@@ -361,7 +361,7 @@ def test_a_judgement_is_what_the_monitor_says(
         name: UncertainValue(*np.array(ends, np.float64).reshape(n, 2).T)
         for name, ends in pairs.items()
     }
-    if form == "nan":  # what is unknown as nan
+    if form == "nan":  # unknown values as nan
         columns = {
             name: [
                 NAN if x is UNKNOWN else low for (low, _), x in zip(ends, trace[name], strict=True)

@@ -1,4 +1,4 @@
-"""Entries some of whose values are not known are a list of single monitors, with a time each."""
+"""Entries with unknown values are a list of single monitors, each with its own time."""
 
 import copy
 import pickle
@@ -34,7 +34,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def ends(rows: list[list[float | UncertainValue]]) -> list[NDArray[np.float64]]:
-    """The least and the greatest values."""
+    """Return the minima and the maxima."""
     both = [
         [(x.lower, x.upper) if isinstance(x, UncertainValue) else (x, x) for x in row]
         for row in rows
@@ -117,7 +117,7 @@ def test_an_entry_that_was_reset_has_no_twin(backend: Backend) -> None:
     assert identical(vector.upper, [INF, INF])
     assert identical(vector.robustness, [-INF, -1.0])
     vector.reset(np.array([True, False]))
-    # Now that no entry has an unknown sample, one machine runs alone again.
+    # No entry has an unknown sample any more, so one machine runs alone again.
     plain = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend)
     plain.update([[5.0], [0.0]])
     plain.reset(np.array([True, False]))
@@ -129,7 +129,7 @@ def test_an_entry_that_was_reset_has_no_twin(backend: Backend) -> None:
 
 @pytest.mark.parametrize("at_once", [True, False])
 def test_a_cut_is_forgotten_by_a_reset(at_once: bool, backend: Backend) -> None:  # noqa: FBT001
-    """Though the other entry keeps a twin, and though none does meanwhile."""
+    """Also if the other entry has unknown samples, and if no entry has any meanwhile."""
     vector = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend, nan="unknown")
     vector.update([[NAN] if at_once else [0.0], [NAN]])
     vector.finish(end="cut")
@@ -154,7 +154,7 @@ def test_a_cut_is_forgotten_by_a_reset(at_once: bool, backend: Backend) -> None:
 def test_a_cut_moves_what_an_entry_shows_into_the_bounds_of_both_ends(
     text: str, backend: Backend
 ) -> None:
-    """What no sample has reached is 5, so that the trace is worth 5 to 9, and showed inf."""
+    """The value without samples is 5, so the trace has 5 to 9, and its robustness was inf."""
     vector = VectorEpisodeMonitor(text, 3, backend=backend)
     entries = [EpisodeMonitor(text, backend=backend) for _ in range(3)]
     rows: list[list[float | UncertainValue]] = [

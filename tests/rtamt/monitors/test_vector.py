@@ -31,7 +31,7 @@ NAN = math.nan
 
 
 class Singles:
-    """What `VectorMonitor` is defined to be."""
+    """The definition of `VectorMonitor`."""
 
     def __init__(self, formula: Formula, num: int, backend: Backend) -> None:
         self.entries = [Monitor(formula, backend=backend) for _ in range(num)]
@@ -56,7 +56,7 @@ class Singles:
 
 
 class SingleEpisodes:
-    """What `VectorEpisodeMonitor` is defined to be."""
+    """The definition of `VectorEpisodeMonitor`."""
 
     def __init__(self, formula: Formula, num: int, backend: Backend) -> None:
         self.entries = [EpisodeMonitor(formula, backend=backend) for _ in range(num)]
@@ -101,7 +101,7 @@ def tables(
 
 
 def spoilt(rows: NDArray[np.float64], mask: Masks) -> NDArray[np.float64]:
-    """The rows, nan in the entries that the mask leaves out."""
+    """Return the rows, with nan in the entries that the mask omits."""
     return rows if mask is None else np.where(mask[:, None], rows, NAN)
 
 
@@ -360,7 +360,7 @@ def atom(draw: st.DrawFn) -> str:
 
 
 def window(draw: st.DrawFn) -> str:
-    """A window that begins now, or one that does not and is no column."""
+    """A window that starts now, or one that does not and is not a column."""
     begin = draw(st.sampled_from((0,) * 9 + (1,)))
     end = draw(st.sampled_from((1, 2, 3, 4, 5, 7, 8, 12)))
     name = draw(st.sampled_from(("always", "eventually")))
@@ -412,7 +412,7 @@ def test_entries_in_columns_are_episode_monitors_bit_for_bit(
 def act(
     vector: VectorEpisodeMonitor, entries: list[EpisodeMonitor], random: np.random.Generator
 ) -> None:
-    """Resets, finishes or updates some entries, and their twins alike."""
+    """Reset, finish or update some entries, and their twins."""
     num, what = len(entries), random.random()
     mask = None if random.random() < 0.6 else random.random(num) < random.choice([0.1, 0.6])
     chosen = [i for i in range(num) if mask is None or mask[i]]
@@ -481,7 +481,7 @@ def test_an_entry_that_waits_after_its_first_sample_keeps_it(
     text = f"always(eventually[0:{k}](x > 0))"
     vector = VectorEpisodeMonitor(text, 2, backend=backend)
     single = EpisodeMonitor(text, backend=backend)
-    for _ in range(9):  # samples of the episode before, that the entry must not see again
+    for _ in range(9):  # samples of the previous episode, which the entry must not read again
         vector.update([[-1.0], [before]])
     vector.reset([False, True])
     values = [3.0, *[-2.0] * k, *[4.0] * (k + 1)]

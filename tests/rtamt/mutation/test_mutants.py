@@ -103,7 +103,7 @@ def test_each_kind_changes_what_it_says(kind: str) -> None:
 
 
 def original_text(mutant: Mutant) -> str:
-    """The text of the mutant with the change undone, from the parts that both texts share."""
+    """Return the text of the mutant with the change undone, from the common parts of both texts."""
     old, new = mutant.requirement.text, mutant.specification.text
     head = next((i for i, pair in enumerate(zip(old, new, strict=False)) if len({*pair}) > 1), None)
     head = min(len(old), len(new)) if head is None else head
@@ -316,7 +316,7 @@ def test_noticed_matches_single_verdicts(
     its = verdict(spec, trace, end, options)
     kills = killed(result, trace, end=end, n=length(trace), **options)
     for mutant, item in zip(result, kills, strict=True):
-        if mutant.specification.variables == spec.variables:  # else roles may have no variable
+        if mutant.specification.variables == spec.variables:  # otherwise roles may have no variable
             other = verdict(mutant.specification, trace, end, options)
             assert item == ({its, other} == {Verdict.SATISFIED, Verdict.VIOLATED}), str(mutant)
 
@@ -330,7 +330,7 @@ def test_unjudged_mutant_survives() -> None:
         "1:18 x < 3 -> x < 4"
     ]
     result = mutants("always(sqrt(x - 1) < 2)", kinds=["threshold"])
-    kills = killed(result, {"x": [1.5, 6.0]})  # one takes the root of -0.5
+    kills = killed(result, {"x": [1.5, 6.0]})  # one computes the root of -0.5
     assert [str(m) for m, item in zip(result, kills, strict=True) if item] == [
         "1:22 sqrt(x - 1) < 2 -> sqrt(x - 1) < 3"
     ]

@@ -1,4 +1,4 @@
-"""Arrays between two pages that nobody may touch: to read a number too many ends the process."""
+"""Arrays between two protected pages: reading one number too many ends the process."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _close(address: int) -> None:
 
 
 def between(values: ArrayLike, edge: str) -> Array:
-    """A copy of an array that touches the forbidden page behind it, or the one before it."""
+    """Return a copy of an array that touches the protected page after it, or the one before it."""
     array = np.asarray(values, np.float64)
     room = -(-array.nbytes // PAGE) * PAGE
     memory = mmap.mmap(-1, room + 2 * PAGE)
@@ -104,7 +104,7 @@ def test_a_variable_is_not_read_behind_a_trace_by_what_goes_on_there(
 def test_a_window_over_variables_reads_them_from_their_begin_to_their_end(
     window: str, n: int, edge: str
 ) -> None:
-    """A trace that is not read from its end has its columns read where they are."""
+    """A trace that is not read from its end has its columns read in place."""
     reader = SampleReader(Monitor("x + y > 0").program)
     loads = [(i, "LOAD", name, i, 0, 0.0, 0, 0) for i, name in enumerate("xy")]
     row = (2, "WINDOW", window, 0, int(window in ("until", "since")), 0.0, 31, 0)

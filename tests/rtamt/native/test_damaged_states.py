@@ -1,4 +1,4 @@
-"""States of native machines that no machine gave: they are refused, and nothing breaks later."""
+"""Forged states of native machines are refused, and later calls are safe."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def feed(kind: str, monitor: Any, n: int) -> None:  # noqa: ANN401 - any monitor
 
 
 def counting(state: bytes, samples: int) -> bytes:
-    """The state with another number of samples."""
+    """Return the state with another number of samples."""
     held, forged = (struct.pack("=q", n) for n in (SAMPLES, samples))
     assert held in state
     return state.replace(held, forged)
@@ -80,7 +80,7 @@ def test_a_window_holds_no_more_than_its_state(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_place_in_a_window_lies_within_its_block_in_a_state() -> None:
-    """A window of 8 is kept in two blocks of 4, of which each sample goes on by a place."""
+    """A window of 8 has two blocks of 4; each sample advances one place."""
     monitor = Monitor("once[0:7](x > 0)", backend="native")
     monitor.update(1.0)
     monitor.update(1.0)
@@ -136,7 +136,7 @@ def test_changed_bytes_are_refused_and_change_nothing_or_are_a_state(kind: str) 
             refused += 1
             assert machine.state() == state
             continue
-        with contextlib.suppress(ValueError, RuntimeError):  # any result will do
+        with contextlib.suppress(ValueError, RuntimeError):  # any result is accepted
             play(kind, monitor, rng, 3)
         machine.restore(state)
     assert refused > 100
@@ -233,7 +233,7 @@ def test_a_window_holds_older_steps_only_beside_newer_ones_in_a_state(text: str)
 
 
 def with_a_step_more(state: bytes) -> Iterator[bytes]:
-    """A state in which a count of 0 is one of 1, with an element behind it."""
+    """Return a state in which a count of 0 is 1, with an element after it."""
     for at in range(8, len(state) - 7):
         if state[at : at + 8] == bytes(8):
             for size in (16, 24):
@@ -255,7 +255,7 @@ def test_a_default_in_a_state_is_a_number() -> None:
 
 
 def test_a_signal_that_no_operator_reads_has_a_value_in_a_state() -> None:
-    """Such signals are those inside of terms: nothing is written there, and nobody reads it."""
+    """Such signals are inside terms: nothing writes or reads their values."""
     monitor = rtamt.dense.Monitor("x - y > 3", backend="native")
     monitor.update(x=[(0, 1.0), (1, 2.0)], y=[(0, 1.0), (2, 9.0)])
     state = monitor._machine.state()
@@ -268,11 +268,11 @@ def test_a_signal_that_no_operator_reads_has_a_value_in_a_state() -> None:
 
 
 def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
-    """A state is a mark of the program, whether it is finished, what times are, and the begin."""
+    """A state is a mark of the program, whether it is finished, the times, and the start."""
     monitor = rtamt.dense.EpisodeMonitor("always(x > 0)", backend="native")
     machine = monitor._machine
     fresh = machine.state()
-    refused(machine, fresh[:8] + b"\1" + fresh[9:])  # finished before it begins
+    refused(machine, fresh[:8] + b"\1" + fresh[9:])  # finished before it starts
     far = 4 * 10**18
     monitor.update(x=[(far / 1e9, 1.0)])
     state = machine.state()
@@ -282,7 +282,7 @@ def test_an_episode_over_dense_time_begins_where_it_can_have_begun() -> None:
 
 
 def uncertain(entries: int) -> Any:  # noqa: ANN401 - of either kind
-    """A monitor whose two machines have taken different samples."""
+    """Return a monitor with two machines that took different samples."""
     if entries:
         many = VectorEpisodeMonitor("always(x > 0)", entries, nan="unknown", backend="native")
         many.update(np.array([[math.nan], [1.0]]))
@@ -294,7 +294,7 @@ def uncertain(entries: int) -> Any:  # noqa: ANN401 - of either kind
 
 @pytest.mark.parametrize("entries", [0, 2])
 def test_the_two_machines_of_what_is_uncertain_have_seen_the_same(entries: int) -> None:
-    """Each byte of a state is changed by itself; what is taken is a state that goes on alike."""
+    """Each byte of a state is changed alone; an accepted state continues equally."""
     made, other = uncertain(entries), uncertain(entries)
     other.finish()
     other._machine.restore(made._machine.state())

@@ -1,4 +1,4 @@
-"""The classes of episodes over dense time in C++: what is no program, or no state, is refused."""
+"""The C++ classes of episodes in dense time: wrong programs and states are refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FAR = 2**62
 
 
 def regions(**changes: object) -> dict[str, Any]:
-    """`always x` as registers over regions, with changes."""
+    """Return `always x` as registers over regions, with changes."""
     made: dict[str, Any] = {
         "terms": 1,
         "constants": (),
@@ -43,7 +43,7 @@ def test_registers_that_are_a_program_are_read() -> None:
 
 
 def test_new_registers_take_in_the_first_position() -> None:
-    """Registers that were never reset: what fails at the first instant alone is not missed."""
+    """Registers that were never reset: a failure at the first instant only is found."""
     nested = (("WINDOW", "min", 0, 0, 0, 4, False, False), ("WINDOW", "min", 1, 1, *ENDLESS[4:]))
     made = native.DenseRegions(**regions(rows=nested, initial=(2,), streams=(0, 1)))
     made.advance(np.array([0, 1]), [np.array([-1.0, 3.0])], 6)
@@ -241,7 +241,7 @@ def test_what_is_no_episode_is_refused(changes: dict[str, object], message: str)
         native.DenseEpisodeMachine(**episode(LOAD, **changes))
 
 
-TICK = 123_456_789_012_345  # of a nanosecond: no other number of a state is this one
+TICK = 123_456_789_012_345  # of a nanosecond: no other number of a state equals it
 
 
 @pytest.mark.parametrize("kind", [rtamt.dense.Monitor, rtamt.dense.EpisodeMonitor])
@@ -256,7 +256,7 @@ TICK = 123_456_789_012_345  # of a nanosecond: no other number of a state is thi
     ],
 )
 def test_a_state_says_no_time_that_cannot_be_counted(kind: Any, text: str) -> None:  # noqa: ANN401 - of two classes
-    """Ticks are below 2^62; where a state says the present tick, a later one is refused."""
+    """Ticks are below 2^62; a later time is refused if a state has the present tick."""
     monitor = kind(text, backend="native")
     monitor.update(x=[(0, 1.0), (100_000, 2.0), (TICK / 1e9, 3.0)])
     machine = monitor._machine
@@ -292,7 +292,7 @@ def test_a_state_keeps_nothing_of_before_its_trace() -> None:
     monitor = rtamt.dense.EpisodeMonitor("always(eventually[0:9](x > 0))", backend="native")
     monitor.update(x=[(0, 1.0), (1, 2.0), (2, 3.0)])
     state = monitor._machine.state()
-    kept = struct.pack("=3q", 0, 2 * 10**9, 4 * 10**9)  # where x has a step: two for each tick
+    kept = struct.pack("=3q", 0, 2 * 10**9, 4 * 10**9)  # x has a step here: two for each tick
     assert kept in state
     for first in (-1, -(2**62)):
         damaged = state.replace(kept, struct.pack("=q", first) + kept[8:])

@@ -1,8 +1,8 @@
-"""Dense time on traces that are long beside their windows: C++ against Python, call by call.
+"""Dense time on traces that are long compared with their windows: C++ against Python.
 
-The traces of the property tests are a few steps long, so that the definition is fast. What lasts as
-long as a window begins to move in these: queues turn over, memory in front of them is given back,
-and folds of what settled stand beside folds of what is open.
+The traces of the property tests are a few steps long, so that the definition is fast. In long
+traces, queues wrap around, memory before them is freed, and folds of settled values stand next to
+folds of open ones.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 NAMES = ("x", "y", "z")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 EVENTS = 50
-"""Of each variable, at most three times as many ticks of half a second."""
+"""For each variable, at most three times as many ticks of half a second."""
 
 RESOLUTIONS = ("1ns", "500ms")
 ROOTS = ("", "always", "eventually", "always[0:20]", "not eventually")
 
 
 def formula(rng: random.Random, depth: int, *, endless: bool) -> str:
-    """A formula of every operator, whose windows last up to 12 s; some are points."""
+    """A formula of every operator, with windows up to 12 s; some are points."""
     if not depth or rng.random() < 0.1:
         return f"({rng.choice(NAMES)} {rng.choice(COMPARISONS)} {rng.randint(-1, 1)})"
     p, q = (formula(rng, depth - 1, endless=endless) for _ in range(2))
@@ -56,9 +56,9 @@ def formula(rng: random.Random, depth: int, *, endless: bool) -> str:
 
 
 def signals(rng: random.Random, count: int) -> Signals:
-    """Integers that differ by 0 often, in runs and in turns, 0.0 and -0.0 among them.
+    """Integers with many differences of 0, in runs and alternating, including 0.0 and -0.0.
 
-    Some rise or fall in the long run: what was least or greatest so far says nothing then.
+    Some rise or fall over time, so that minima and maxima so far do not help.
     """
     found: Signals = {}
     for name in NAMES:
@@ -76,7 +76,7 @@ SIZES = (0, 1, 2, 7, 20)
 
 
 def calls(rng: random.Random, whole: Signals, sizes: tuple[int, ...] = SIZES) -> list[Signals]:
-    """The events in chunks of these sizes, which leave one variable behind the others."""
+    """Return the events in chunks of these sizes, in which one variable lags behind the others."""
     waiting = {name: list(events) for name, events in whole.items()}
     found: list[Signals] = []
     while any(waiting.values()):
@@ -121,7 +121,7 @@ def agree(
     sizes: tuple[int, ...] = SIZES,
     restored: float = 0.3,
 ) -> None:
-    """An episode in both back-ends, after each call, after a state is restored, and at each end."""
+    """Compare an episode in both back-ends, after each call, each restored state, and each end."""
     native, python, twin = (
         rtamt.dense.EpisodeMonitor(text, resolution=resolution, backend=b)
         for b in ("native", "python", "native")
@@ -197,7 +197,7 @@ output float64 z
 def test_an_episode_of_neutral_predicates_after_its_decision(
     seed: int, semantics: SemanticsName
 ) -> None:
-    """Two programs, for the least and the greatest, of which each reads terms of its own."""
+    """Two programs, for the minimum and the maximum, each with its own terms."""
     rng = random.Random(seed)
     text = NEUTRAL + f"always[0:5]({formula(rng, 2, endless=False)} or x > y)"
     native, python = (
@@ -241,14 +241,14 @@ def test_what_a_verdict_stands_on(seed: int) -> None:
 
 
 ENDS = (
-    # A bounded window of the future reads what it holds even if it has not begun; a part of an
-    # operator without an end is still open then.
+    # A bounded window of the future reads its values even before its start; a part of an unbounded
+    # operator is still open then.
     "always[1:2](historically[0:1](x > 0))",
     "eventually[1:2](once[0:2](x < 0))",
     "always(always[1:2](historically[0:1](x > 0)))",
     "(eventually(x > 0)) until[1:inf] (y > 0)",
     "always((eventually(x > 0)) until[1:inf] (y > 0))",
-    # What is best is more than what there is now, through a window of the whole past too.
+    # The best value exceeds the present one, also through a window of the whole past.
     "always(once(eventually[0:2](x > 0)))",
     "always(historically(eventually[0:2](x > 0)))",
     "eventually(historically(always[0:2](x < 0)))",
@@ -258,7 +258,7 @@ ENDS = (
 @pytest.mark.parametrize("end", get_args(End))
 @pytest.mark.parametrize("text", ENDS)
 def test_an_episode_that_ends_at_each_tick(text: str, end: End) -> None:
-    """Before a window begins, on the tick before it, while it lasts, and behind it."""
+    """Before a window starts, on the tick before it, while it lasts, and after it."""
     for ticks in range(1, 8):
         native, python = (
             rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)
@@ -285,7 +285,7 @@ STAIRS = (
 @pytest.mark.parametrize("way", [-1, 1])
 @pytest.mark.parametrize("text", STAIRS)
 def test_an_episode_of_values_that_fall_or_rise(text: str, way: int) -> None:
-    """Each window of 20 s has a step of its fold for each of its 40 events, and they all leave."""
+    """Each window of 20 s has a step of its fold for each of its 40 events, and all leave it."""
     native, python = (
         rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)
         for b in ("native", "python")
@@ -301,7 +301,7 @@ def test_an_episode_of_values_that_fall_or_rise(text: str, way: int) -> None:
 
 
 def test_many_events_at_once_and_then_one_by_one() -> None:
-    """The memory of a block that is much longer than others is given back."""
+    """The memory of a block that is much longer than others is freed."""
     text = "always((x > -2) or eventually[0:3](y > 1))"
     native, python = (
         rtamt.dense.EpisodeMonitor(text, resolution="500ms", backend=b)

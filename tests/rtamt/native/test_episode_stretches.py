@@ -1,7 +1,7 @@
-"""Episodes that are long beside their windows: C++ against Python, sample by sample.
+"""Episodes that are long compared with their windows: C++ against Python, sample by sample.
 
-The formulas are generated: each operator inside each other, windows of one sample and of two, with
-and without an end, responses and their duals. Those that were chosen by hand are in
+The formulas are generated: each operator inside each other, windows of one and of two samples,
+bounded and unbounded, responses and their duals. Formulas chosen by hand are in
 test_native_episode.py; short traces, against the definition, in test_episode.py.
 """
 
@@ -36,7 +36,7 @@ def window(rng: random.Random, *, endless: bool) -> str:
 
 
 def formula(rng: random.Random, depth: int) -> str:
-    """A formula of every operator."""
+    """Formulas of every operator."""
     if not depth or rng.random() < 0.1:
         return atom(rng)
     p, q = (formula(rng, depth - 1) for _ in range(2))
@@ -61,7 +61,7 @@ def formula(rng: random.Random, depth: int) -> str:
 
 
 def response(rng: random.Random) -> str:
-    """Of the forms that have machines of their own: an answer within a time, or for a time."""
+    """Formulas with machines of their own: an answer within a time, or for a time."""
     p, q = atom(rng), rng.choice((atom(rng), f"(once{window(rng, endless=True)} {atom(rng)})"))
     late = rng.choice(("eventually", "always")) + window(rng, endless=False)
     inner = rng.choice(("", "", rng.choice(("eventually", "always")) + window(rng, endless=False)))
@@ -70,7 +70,7 @@ def response(rng: random.Random) -> str:
     return f"{rng.choice(ROOTS)} {joined}"
 
 
-# What a least or greatest value of another one is found from, without its values one by one.
+# Their minima or maxima follow from another value, without single values.
 JOINED = (
     "eventually((x > 0) or eventually[0:5](y > 0))",
     "always((x > 0) and once[0:3] always[0:5](y > 0))",
@@ -78,7 +78,7 @@ JOINED = (
     "eventually(historically(x > 0) or eventually[5:5](historically(y > 0)))",
     "always(once(x > 0) and next(once(y > 0)))",
     "always((x > 0) and (once(z > 0) or eventually[2:3](y > 0)))",
-    # An answer that is late itself, or whose unseen values are not known.
+    # An answer that is late itself, or whose unseen values are unknown.
     "always((x > 0) or eventually[0:4](always[0:2](eventually[0:3](y > 0))))",
     "eventually((x > 0) and always[1:4](eventually[0:2](always[0:3](y > 0))))",
     "always((x > 0) or eventually[0:4](always[0:2](historically(y > 0))))",
@@ -90,11 +90,11 @@ JOINED = (
     "eventually(eventually[0:4](historically(y > 0)))",
     "eventually(always[0:4](once(y > 0)))",
     "always(always[0:4](historically(y > 0)))",
-    # One formula of which both the least and the greatest value are wanted.
+    # One formula whose minimum and maximum are both needed.
     "g = (x > 0) or eventually[0:5](y > 0); always(g) and eventually(g)",
     "g = (x > 0) or eventually[0:5](y > 0); always(g) or eventually((z > 0) or g)",
     "g = (x > 0) and always[0:5](y > 0); always((z > 0) and g) or eventually(g)",
-    # A window without an end, inside one of the past.
+    # An unbounded window inside one of the past.
     "once(eventually(x > 0))",
     "historically[0:3](always(x > 0)) or always[0:5](prev(eventually(y > 0)))",
     "(eventually(x > 0)) since (always(y > 0))",
@@ -105,12 +105,12 @@ JOINED = (
 
 
 def offered(monitor: EpisodeMonitor) -> list[int]:
-    """Robustness, lower and upper bound, bit by bit."""
+    """Return robustness, lower and upper bound, bit by bit."""
     return bits([monitor.robustness, monitor.lower, monitor.upper])
 
 
 def compare(rng: random.Random, text: str) -> None:
-    """Both back-ends on one trace: after each sample, after each copy, at an end."""
+    """Compare both back-ends on a trace: after each sample, after each copy, at an end."""
     native, python = (EpisodeMonitor(text, backend=b) for b in ("native", "python"))
     most, pace = rng.choice((1, 2, 5)), rng.choice((0.0, 0.5, 0.9))
     row = dict.fromkeys(NAMES, 0.0)

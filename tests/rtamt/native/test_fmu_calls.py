@@ -1,4 +1,4 @@
-"""Calls of other kinds of units, null pointers, and units that are not made."""
+"""Calls of other kinds of units, null pointers, and units that cannot be created."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def begun(made: Unit) -> None:
     assert made.step(0.0, 0.1) == OK
 
 
-# Arguments of these take no part: the call is refused before they are read.
+# The arguments of these are not read before the call is refused.
 UNSUPPORTED = {
     2: """GetDirectionalDerivative SetRealInputDerivatives GetRealOutputDerivatives CancelStep
     GetIntegerStatus""",
@@ -97,7 +97,7 @@ def test_null_pointers_are_refused(version: Version, folder: Path) -> None:
             flag = ctypes.byref(ctypes.c_bool())
             assert made.call("DoStep", *step, flag, flag, flag, None) == ERROR
             assert made.get(0) == [0.1]
-        # Without an instance there is no one to log.
+        # Without an instance nothing can be logged.
         pointer, made.pointer = made.pointer, None
         for name in ("Terminate", "Reset", "ExitInitializationMode"):
             assert made.call(name) == ERROR

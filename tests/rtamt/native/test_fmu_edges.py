@@ -1,4 +1,4 @@
-"""What units refuse that importers rarely do: odd pointers, locations, kinds and programs."""
+"""Rare errors of units: odd pointers, locations, kinds and programs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def begun(made: Unit, x: float = 1.0) -> None:
 
 
 def refusal(version: Version, folder: Path, **changes: Any) -> str:  # noqa: ANN401 - arguments of C
-    """Why an instance is not made from these arguments."""
+    """Return the reason why these arguments create no instance."""
     given = {
         "name": b"unit",
         "kind": 1,
@@ -55,7 +55,7 @@ def refusal(version: Version, folder: Path, **changes: Any) -> str:  # noqa: ANN
         **changes,
     }
     said = list[tuple[int, str, str]]()
-    spare = Unit(version, folder)  # whose logger and callbacks are used
+    spare = Unit(version, folder)  # provides the logger and callbacks
     spare.log = said
     function = spare.function("Instantiate" if version == 2 else "InstantiateCoSimulation")
     function.restype = ctypes.c_void_p
@@ -240,7 +240,7 @@ def test_a_dense_trace_is_shorter_than_its_clock(version: Version, tmp_path: Pat
 
 
 def signed(data: bytes) -> bytes:
-    """Bytes of a state with their hash, which is that of all hashes here."""
+    """Return the bytes of a state with their hash, the hash of all programs here."""
     return data + struct.pack("=Q", fnv(data))
 
 
@@ -252,7 +252,7 @@ def fnv(data: bytes) -> int:
 
 
 TIME, INPUTS = 8 + 3, 8 + 3 + 3 * 8
-"""Behind the mark of the program, the phase and two flags; behind three times."""
+"""After the mark of the program, the phase and two flags; after three times."""
 
 
 def test_times_in_a_state_are_finite(tmp_path: Path) -> None:
@@ -273,7 +273,9 @@ def test_times_in_a_state_are_finite(tmp_path: Path) -> None:
 
 
 def parts(data: bytes) -> tuple[bytes, bytes, bytes]:
-    """A state of one input: what is before its named formula's machine, that, and the rest."""
+    """Return the parts of a state of one input: before the machine of its named formula, it, and
+    the rest.
+    """
     at = INPUTS + 8
     (size,) = struct.unpack_from("=Q", data, at)
     end = at + 8 + size
@@ -323,7 +325,7 @@ CHANGES: list[tuple[str, str, list[str], str]] = [
 
 
 def changed(kind: str, begin: str, instead: list[str], folder: Path) -> list[str]:
-    """The lines of a program but the last, with others in place of the first that begins so."""
+    """Return the lines of a program without the last, with others instead of one."""
     lines = (write(folder, programs(kind)) / "program.rtamt").read_text().splitlines()[:-1]
     at = next(i for i, line in enumerate(lines) if line.startswith(begin))
     if kind == DENSE and begin == "episodes" and len(instead) == 1:

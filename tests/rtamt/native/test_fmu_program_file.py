@@ -1,4 +1,4 @@
-"""Files of exported monitors that are damaged or forged: they are refused, or harmless."""
+"""Damaged or forged files of exported monitors are refused, or harmless."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ kinds = pytest.mark.parametrize("kind", TEXTS)
 
 
 def lines_of(kind: str, folder: Path) -> list[str]:
-    """The lines of a file but the last, which is their hash."""
+    """Return the lines of a file without the last, which is their hash."""
     return (written(folder, programs(kind)) / "program.rtamt").read_text().splitlines()[:-1]
 
 
 def write(folder: Path, lines: list[str]) -> Path:
-    """Write a file whose hash is that of its lines."""
+    """Write a file with the hash of its lines."""
     text = "".join(f"{line}\n" for line in lines).encode()
     value = 0xCBF29CE484222325
     for byte in text:
@@ -46,7 +46,7 @@ def test_the_lines_of_a_file_are_read_as_they_are_written(tmp_path: Path) -> Non
 
 
 def run(made: Unit) -> None:
-    """Steps with whatever inputs it has; it may refuse them."""
+    """Step with any inputs of the program; it may refuse them."""
     rng = random.Random(1)
     assert made.enter() == OK
     if made.call("ExitInitializationMode") == OK:

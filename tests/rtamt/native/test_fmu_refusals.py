@@ -1,4 +1,4 @@
-"""What exported monitors refuse: each call gives the status of an error and logs why."""
+"""Errors of exported monitors: each call returns the status of an error and logs the reason."""
 
 from __future__ import annotations
 
@@ -206,11 +206,11 @@ REFUSED: dict[str, tuple[Callable[[Unit], None], Act, str]] = {
         "expected an array, got a null pointer",
     ),
 }
-"""What is done before, the call that is refused, and the text."""
+"""The preparation, the refused call, and the text."""
 
 
 def got(made: Unit, reference: int, kind: str) -> int:
-    """The status of a call that asks for one value."""
+    """Return the status of a call that reads one value."""
     if made.version == 2:
         kind = {"Float64": "Real", "Int32": "Integer"}.get(kind, kind)
     given = ((ctypes.c_uint32 * 1)(reference), ctypes.c_size_t(1), (ctypes.c_double * 1)())

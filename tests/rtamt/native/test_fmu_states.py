@@ -1,4 +1,4 @@
-"""States of exported monitors: what was taken goes on alike, and what is damaged is refused."""
+"""States of exported monitors: saved states continue equally, damaged states are refused."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ whole = done and always(x > limit implies eventually[0:4](y > 0))
 """
 DENSE = "near = once[0:3](x > 0)\nwhole = always((x < 1) since[0:3] (y > 0))"
 EVERYTHING = (0, *range(FIRST, FIRST + 4))
-"""Time, inputs, and the output behind the parameter or in its place."""
+"""Time, inputs, and the output after the parameter or instead of it."""
 DAMAGED = "expected the bytes of a state, got damaged ones"
 
 kinds = pytest.mark.parametrize("kind", ["samples", "neutral", "dense"])
@@ -52,7 +52,7 @@ def programs(kind: str) -> Programs:
 
 
 def go_on(made: Unit, begin: int, end: int, seed: int = 0) -> list[list[int]]:
-    """Steps of a half with random inputs; the outputs after each."""
+    """Step by a half with random inputs; return the outputs after each."""
     found = []
     for i in range(begin, end):
         rng = random.Random(f"{seed} {i}")
@@ -82,7 +82,7 @@ def test_a_state_that_was_taken_goes_on_alike(
         assert go_on(made, at, 14, seed=1)
         assert made.restore(state) == OK
         assert go_on(made, at, 20) == after
-        # The instance is another one, and has not begun.
+        # Another instance, which has not started.
         status, twin = other.read(made.written(state))
         assert status == OK
         assert other.restore(twin) == OK
@@ -128,7 +128,7 @@ def test_a_state_is_kept_in_place_and_freed_once(version: Version, tmp_path: Pat
         assert made.restore(kept) == OK
         assert made.restore(state) == OK
         assert made.outputs(*EVERYTHING) == now
-        assert other.restore(state) == ERROR  # that of another instance
+        assert other.restore(state) == ERROR  # of another instance
         assert made.call("FreeFMUState", ctypes.byref(state)) == OK
         assert state.value is None
         assert made.call("FreeFMUState", ctypes.byref(state)) == OK  # of nothing

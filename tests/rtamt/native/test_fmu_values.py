@@ -1,4 +1,4 @@
-"""The library of exported monitors gives what the monitors of Python give, bit by bit."""
+"""The library of exported monitors equals the Python monitors bit by bit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def put(unit: Unit, values: Mapping[str, float]) -> None:
 
 
 def compare(version: Version, programs: Programs, expected: Expected, trace: Trace) -> None:
-    """Steps of a period give what the monitors give, up to a sample that they refuse."""
+    """Compare steps of a period with the monitors, up to a sample that they refuse."""
     named = range(FIRST + len(expected.names), FIRST + len(expected.names) + expected.named)
     with TemporaryDirectory() as folder, unit(version, write(Path(folder), programs)) as made:
         made.begin(2.0)
@@ -176,7 +176,7 @@ def test_over_dense_time_every_step_begins_with_events(
 
 
 def order(value: float) -> tuple[float, float]:
-    """The order of doubles in which -0.0 is below 0.0."""
+    """Return a key that orders doubles with -0.0 below 0.0."""
     return value, math.copysign(1.0, value)
 
 

@@ -1,4 +1,4 @@
-"""The class that Python sees of the machine in C++: arguments, errors, memory, snapshots."""
+"""The Python class of the machine in C++: arguments, errors, memory, snapshots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every form of argument of the machine in C++ means what it means to the one in Python."""
+"""Every form of argument has the same meaning for the machines in C++ and in Python."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def machine(spec: str) -> DiscreteMachine:
 
 
 class Half(float):
-    """A float that is worth half of what it holds."""
+    """A float whose value is half of its own."""
 
     def __float__(self) -> float:
         return float.__float__(self) / 2
@@ -45,7 +45,7 @@ class Broken:
 
 
 def other(text: str) -> str:
-    """An equal text that is not the same object."""
+    """Return an equal text that is another object."""
     return text.encode().decode()
 
 

@@ -1,4 +1,4 @@
-"""Batches of native machines: states that are not their own, references, the size of an entry."""
+"""Batches of native machines: foreign states, references, the size of an entry."""
 
 from typing import Any, cast
 
@@ -44,7 +44,7 @@ def test_long_windows_of_many_entries_are_those_of_one(text: str) -> None:
     random = np.random.default_rng(4)
     width = len(entries.variables)
     tables = [np.asfortranarray(random.normal(2.8, 1.0, (num, width))) for _ in range(97)]
-    for step in range(2 * k + 500):  # the blocks of a window begin anew every k / 2 samples
+    for step in range(2 * k + 500):  # the blocks of a window restart every k / 2 samples
         table = tables[step % len(tables)]
         entries.update(table)
         for entry, monitor in single.items():

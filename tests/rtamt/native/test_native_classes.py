@@ -1,4 +1,4 @@
-"""What holds of every machine class of the native module: half-made objects, cycles, snapshots."""
+"""Properties of every machine class of the native module: half-made objects, cycles, snapshots."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MAKERS: dict[str, Maker] = {
     ),
 }
 CALLS: dict[str, tuple[Any, ...]] = {"DenseRegions": ("advance", [], 0), "ClockBatch": ("feed", [])}
-"""What takes in a sample, where that is not ``update(number)``."""
+"""The call that takes a sample, if it is not ``update(number)``."""
 
 TEXT = "always[0:3](x > 1)"
 OTHERS = ("always[0:3](x > 2)", "always[0:4](x > 1)", "eventually[0:3](x > 1)", "x > 2")
@@ -69,7 +69,7 @@ def test_every_machine_class_is_tested_here() -> None:
         *MAKERS,
         "DenseSigns",
         "EpisodeMonitorSet",
-    }  # which have no state that goes on
+    }  # they have no state that continues
 
 
 @machines
@@ -85,7 +85,7 @@ def test_an_object_that_was_not_made_is_refused(name: str) -> None:
     message = "^the machine was not made: __init__ was not called$" if own else None
     with pytest.raises(TypeError, match=message):
         getattr(unmade, method)(*arguments)
-    gc.collect()  # which visits it
+    gc.collect()  # visits it
     del unmade
     gc.collect()
 

@@ -22,7 +22,7 @@ OTHERS = {"3e-9": Fraction(3, 10**9), "2e-3": Fraction(1, 500), "7": Fraction(7)
 
 
 def times() -> list[float]:
-    """What rounds in every way: few digits at each magnitude, halves, any doubles."""
+    """Times that round in every way: few digits at each magnitude, halves, any doubles."""
     rng = random.Random(3)
     found = [0.0, 5e-324, 1.7976931348623157e308, 2.0**53, 2.0**53 + 2, 2.0**62, 2.0**63]
     for exponent in range(-30, 40):
@@ -38,7 +38,7 @@ def times() -> list[float]:
 @pytest.mark.parametrize("sure", [True, False], ids=["by the product", "by the text"])
 @pytest.mark.parametrize("name", DECIMAL)
 def test_decimal_clocks_count_each_double_exactly(name: str, *, sure: bool) -> None:
-    """A scale that is no number has each time counted by its text, as the product is never sure."""
+    """A scale that is not a number counts each time by its text, as no product is sure."""
     tick = DECIMAL[name]
     scale, ticks, units = clock_of(tick)
     clock = (scale if sure else math.nan, ticks, units)
@@ -71,7 +71,7 @@ def test_what_is_no_time_is_not_counted(time: float) -> None:
         assert native.ticks(clock_of(tick), np.array([0.0, time])) is None
 
 
-FAR = {  # how long a tick is, and times that are counted
+FAR = {  # the length of a tick, and times that are counted
     "one of many ticks": (Fraction(1, 10**18), [0.0, 1e-18, 0.1, 0.123456789, 1 / 3, 2.5, 4.0]),
     "one of more ticks than are counted": (Fraction(1, 10**20), [0.0, 3e-20, 1 / 300, 0.04]),
     "one beyond the numbers of doubles": (Fraction(3000), [0.0, 6e3, 3e19, 1e22]),

@@ -1,4 +1,4 @@
-"""The machine over dense time in C++ against its definition in Python, call by call."""
+"""The machine in dense time in C++ against its definition in Python, call by call."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Backend = Literal["native", "python"]
 Outcome = object
 
 scales = st.sampled_from((1.0, 0.1, 1 / 3, 1e3))
-"""What times are multiplied with: where bounds are no multiples of a step, differences round."""
+"""Factors of times: differences are rounded if bounds are not multiples of a step."""
 
 
 Kind = type[rtamt.dense.Monitor] | type[rtamt.dense.EpisodeMonitor]
@@ -44,7 +44,7 @@ def scaled(whole: Signals, scale: float) -> Signals:
 
 
 def outcome(call: Callable[[], object]) -> Outcome:
-    """What a call gives, or which error it raises; values with all their digits and signs."""
+    """Return the result of a call, or its error; values with all their digits and signs."""
     try:
         return repr(call())
     except (ValueError, TypeError, OSError, StateError) as error:
@@ -52,7 +52,7 @@ def outcome(call: Callable[[], object]) -> Outcome:
 
 
 def state(monitor: AnyMonitor) -> object:
-    """What can be seen of a monitor; nan is text, to be equal to itself."""
+    """Return the visible state of a monitor; nan as text, so that it equals itself."""
     if isinstance(monitor, rtamt.dense.Monitor):
         return monitor.settled, monitor.finished, str(monitor.values)
     said = repr((monitor.robustness, *monitor.bounds(), monitor.decided_at))
@@ -68,9 +68,9 @@ def check(
     shares: list[list[float]],
     kind: Kind = rtamt.dense.Monitor,
 ) -> None:
-    """Both machines give the same in every call; the one in C++ is another one each time.
+    """Compare the machines in every call; the one in C++ is a new copy each time.
 
-    A reset leaves nothing of what they have seen.
+    A reset removes all earlier values.
     """
     native, python = both(formula, kind)
     parts = [of(native, chunk) for chunk in chunked(whole, shares)]
@@ -243,7 +243,7 @@ def test_a_term_without_a_value_at_the_end_of_a_chunk_leaves_the_monitor_as_it_w
 
 
 class Half(float):
-    """A float that is worth half of what it holds."""
+    """A float whose value is half of its own."""
 
     def __float__(self) -> float:
         return float.__float__(self) / 2

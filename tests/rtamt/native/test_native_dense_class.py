@@ -1,4 +1,4 @@
-"""The class that Python sees of the machine over dense time in C++: errors, memory, snapshots."""
+"""The Python class of the dense machine in C++: errors, memory, snapshots."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_run_takes_whole_signals_of_a_new_machine() -> None:
 
 
 class Nested(Mapping[str, "EventsLike"]):
-    """A mapping that hands events to the same monitor while it is read."""
+    """A mapping that updates the same monitor while it is read."""
 
     def __init__(self, inner: DenseMachine) -> None:
         self.inner = inner
@@ -177,7 +177,7 @@ def test_a_bound_update_keeps_its_machine() -> None:
 
 
 def test_the_reader_is_not_asked_for_the_times_of_ticks() -> None:
-    """What is rare is left to Python; this reader can do nothing at all."""
+    """Rare cases are left to Python; this reader can do nothing."""
     known = monitor()
     made = native.DenseMachine(**arguments(reader=object()))
     steps = known.update(EVENTS)

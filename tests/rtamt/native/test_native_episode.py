@@ -1,4 +1,4 @@
-"""The episode machine in C++ against its definition in Python, where windows are long.
+"""The episode machine in C++ against its definition in Python, with long windows.
 
 Short windows, of every operator, are in test_episode.py.
 """
@@ -54,7 +54,7 @@ SHAPES = (
 
 
 def ramps(n: int) -> Iterator[tuple[float, float]]:
-    """Every value moves all folds before it, then none."""
+    """Every value changes all folds before it, then none."""
     for i in range(n):
         yield (i / 8 if i % 100 < 50 else -i / 8), (n - i) / 16 - 2
 
@@ -67,7 +67,7 @@ def noise(n: int) -> Iterator[tuple[float, float]]:
 
 
 def bursts(n: int) -> Iterator[tuple[float, float]]:
-    """Long stretches of satisfaction and of violation."""
+    """Long runs of satisfaction and of violation."""
     for i in range(n):
         yield (1.0 + i % 7 / 8 if i // 40 % 2 else -1.0), (2.0 if i % 37 == 0 else -1.0 - i % 5)
 
@@ -77,7 +77,7 @@ def feed(monitor: EpisodeMonitor, x: float, y: float) -> float:
 
 
 def offered(monitor: EpisodeMonitor) -> list[int]:
-    """Robustness, lower and upper bound, bit by bit."""
+    """Return robustness, lower and upper bound, bit by bit."""
     return bits([monitor.robustness, monitor.lower, monitor.upper])
 
 
@@ -157,7 +157,7 @@ def machine(monitor: EpisodeMonitor) -> MachineState:
 
 
 TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
-MARKS = (False, False)  # of a window: whether it is a guard, or a part of one without end
+MARKS = (False, False)  # of a window: whether it is a guard, or a part of an unbounded one
 
 
 @pytest.mark.parametrize(

@@ -34,20 +34,20 @@ BLOCKS = (1, 2, 7, 255, 256, 257, 300)
 
 
 def bits(values: Sequence[float] | NDArray[np.float64]) -> list[int]:
-    """Tells 0.0 from -0.0, and no nan from another."""
+    """Return bits that distinguish 0.0 and -0.0, and treat every nan as equal."""
     array = np.array(values, dtype=np.float64)
     array[np.isnan(array)] = math.nan
     return cast("list[int]", array.view(np.int64).tolist())
 
 
 def machine(row: Row) -> DiscreteMachine:
-    """One instruction behind the two inputs; behind the terms, it may be nan."""
+    """Return a machine with one instruction after two inputs; after the terms it may be nan."""
     made = native.DiscreteMachine([X, Y, row], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
     return cast("DiscreteMachine", made)
 
 
 def samples(n: int, seed: int = 0) -> list[tuple[float, float]]:
-    """Few values, so that equal ones meet; INFINITIES and both zeros among them."""
+    """Few values, so that equal ones meet; also infinities and both zeros."""
     rng = random.Random(seed)
     return [(rng.choice(SPECIAL), rng.choice(SPECIAL)) for _ in range(n)]
 

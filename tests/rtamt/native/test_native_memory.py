@@ -1,4 +1,4 @@
-"""What native machines do with memory: windows that fill as samples come, and odd arrays."""
+"""Memory of native machines: windows that fill with samples, and unusual arrays."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 
 def faults() -> int:
-    """Pages of memory that this process has touched first."""
+    """Return the number of pages that this process was the first to touch."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 
 
@@ -61,7 +61,7 @@ def test_a_window_that_fills_is_the_same_by_samples_by_blocks_and_by_snapshots(
 
 
 def misaligned(values: object) -> Any:  # noqa: ANN401 - an array of any shape
-    """The values in memory where no double should be."""
+    """Return the values at an address that is wrong for doubles."""
     array = np.asarray(values, dtype=np.float64)
     odd = np.frombuffer(b"\0" + array.tobytes(), np.uint8)[1:].view(np.float64)
     assert not odd.flags.aligned

@@ -1,4 +1,4 @@
-"""What the classes and functions of the native module refuse, which our own Python never passes."""
+"""Errors of the native module for arguments that our Python never passes."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_signs_are_of_a_trace_of_numbers() -> None:
 
 
 class Counting:
-    """A reader that counts times as it is told."""
+    """A reader that counts times by a given function."""
 
     def __init__(self, *ticks: int) -> None:
         self.ticks = np.array(ticks)
@@ -112,7 +112,7 @@ def test_what_the_reader_of_signs_counts_has_to_fit() -> None:
 
 
 class Giving:
-    """A reader that gives what it is told, whatever it is asked to read."""
+    """A reader that returns given values for any input."""
 
     def __init__(self, given: object) -> None:
         self.given = given

@@ -1,4 +1,4 @@
-"""Least and greatest open values that the episode machine in C++ keeps, against its definition."""
+"""Open minima and maxima of the episode machine in C++, against its definition."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OTHER = ("next(x > 0)", "eventually[0:2](x > 0)", "always(y > 0)", "(x > 0) unti
 
 @st.composite
 def windows(draw: st.DrawFn, depth: int = 1) -> str:
-    """A window of up to 24 samples, over one more at times."""
+    """Windows of up to 24 samples, sometimes over another one."""
     begin, width = draw(st.sampled_from((0, 0, 1, 3))), draw(st.sampled_from((0, 1, 2, 5, 20)))
     inner = st.sampled_from(SETTLED)
     operand = draw(st.one_of(inner, inner, windows(depth - 1)) if depth else inner)
@@ -53,7 +53,7 @@ def windows(draw: st.DrawFn, depth: int = 1) -> str:
 
 @st.composite
 def formulas(draw: st.DrawFn) -> str:
-    """A fold over all times of what has a window for a part."""
+    """Folds over all times of parts with a window."""
     settled, window, other = st.sampled_from(SETTLED), windows(), st.sampled_from(OTHER)
     shape = draw(
         st.sampled_from(
@@ -82,12 +82,12 @@ def feed(monitor: EpisodeMonitor, row: Row) -> None:
 
 
 def offered(monitor: EpisodeMonitor) -> list[int]:
-    """Robustness, lower and upper bound, bit by bit."""
+    """Return robustness, lower and upper bound, bit by bit."""
     return bits([monitor.robustness, monitor.lower, monitor.upper])
 
 
 def both(text: str) -> list[EpisodeMonitor]:
-    """The definition, and the machine that is tested."""
+    """Return the definition, and the tested machine."""
     return [EpisodeMonitor(text, backend="python"), EpisodeMonitor(text, backend="native")]
 
 
@@ -194,7 +194,7 @@ def test_every_length_of_a_trace_ends_as_its_definition_says(shape: str, rows: R
         feed(twin, row)
         assert offered(monitor) == offered(expected), i
         assert_the_ends_agree(expected, monitor)
-        twin = copy.copy(twin)  # after every sample: what it keeps is all it needs
+        twin = copy.copy(twin)  # after every sample: its own state is sufficient
         assert offered(twin) == offered(expected), i
         assert twin._machine.state() == monitor._machine.state()
 

@@ -1,4 +1,4 @@
-"""Where left sides hold in dense time: C++ against Python, on traces of many blocks."""
+"""The signs of left sides in dense time: C++ against Python, on traces of many blocks."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_it_counts_as_python_does(left: str, *, dates: bool) -> None:
 @pytest.mark.slow(keep=8)
 @pytest.mark.parametrize("body", LEFTS)
 def test_occurrences_match_python(body: str) -> None:
-    """The values of C++ at all places, beyond the trace too, equal those of Python to the bit."""
+    """The values of C++ at all places, also beyond the trace, equal Python bit by bit."""
     specs = (
         f"always(({body}) or x > 2)",
         f"always[3:400](({body}) implies eventually[0:20](y > -1 or x > -1))",
@@ -98,7 +98,7 @@ def bits(found: Occurrences) -> list[tuple[str, bytes]]:
 
 @pytest.mark.parametrize("end", get_args(End))
 def test_what_reads_the_past_alone_is_the_same_at_each_end(end: End) -> None:
-    """At the last instant x holds, which needs no more there, for the first time."""
+    """At the last instant x holds for the first time, which is sufficient there."""
     rows = [
         ("WINDOW", "max", 0, 0, -2, -2, False, False),
         ("WINDOW", "since", 1, 0, None, 0, False, False),

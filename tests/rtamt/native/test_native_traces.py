@@ -1,4 +1,4 @@
-"""Whole traces in C++ against the definition of windows in Python, bit by bit."""
+"""Traces in C++ against the definition of windows in Python, bit by bit."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ COMMON = (1.0, 0.5, 2.0, 3.0, -1.0, 0.0, math.inf)
 
 
 def machine(*rows: tuple[object, ...]) -> DiscreteMachine:
-    """Instructions behind two inputs, the first of which is observed."""
+    """Return instructions after two inputs, the first of which is observed."""
     loads = [(i, "LOAD", name, i, 0, 0.0, 0, 0) for i, name in enumerate("xy")]
     made = native.DiscreteMachine([*loads, *rows], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
     return cast("DiscreteMachine", made)
 
 
 def bits(values: Sequence[float] | NDArray[np.float64]) -> list[int]:
-    """Tells 0.0 from -0.0."""
+    """Return bits that distinguish 0.0 and -0.0."""
     return cast("list[int]", np.array(values, dtype=np.float64).view(np.int64).tolist())
 
 
@@ -106,7 +106,7 @@ def test_a_delay_over_a_trace_gives_the_bits_of_its_definition(length: int) -> N
 
 
 def test_what_memory_held_before_is_not_taken_for_a_register() -> None:
-    """Machines that are gone leave the number of the register that the next ones write."""
+    """Deleted machines leave the number of the register that the next ones write."""
     window = (2, "WINDOW", "max", 0, 0, 0.0, 31, 0)
     two = float(np.array([2]).view(np.float64)[0])
     constants = [(i, "CONST", "", 0, 0, two, 0, 0) for i in (3, 4)]

@@ -1,4 +1,4 @@
-"""Arrays of every layout in the native functions that read arrays: right, or left to Python."""
+"""Arrays of every layout in the native functions that read arrays: correct, or left to Python."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Layout = Callable[[Array], Any]
 
 
 def misaligned(array: Array) -> Array:
-    """The same in memory that begins one byte after where its elements may be."""
+    """Return the same in memory that starts one byte after an aligned address."""
     memory = np.zeros(array.nbytes + 1, np.uint8)
     found = memory[1:].view(array.dtype).reshape(array.shape)
     found[...] = array
@@ -29,7 +29,7 @@ def misaligned(array: Array) -> Array:
 
 
 def with_gaps(array: Array) -> Array:
-    """The same with a byte between the parts of the first dimension."""
+    """Return the same with a byte between the parts of the first dimension."""
     inner = (array.dtype, array.shape[1:])
     found = np.zeros(len(array), [("its", *inner), ("gap", "u1")])["its"]
     found[...] = array
@@ -37,7 +37,7 @@ def with_gaps(array: Array) -> Array:
 
 
 def spread_out(array: Array) -> Array:
-    """The same with other numbers between the elements."""
+    """Return the same with other numbers between the elements."""
     found = np.full([2 * size for size in array.shape], 77).astype(array.dtype)
     view = found[tuple(slice(None, None, 2) for _ in array.shape)]
     view[...] = array
@@ -145,7 +145,7 @@ WRONG: dict[str, Layout] = {
     "other numbers": lambda a: a.astype(np.float32),
     "lists": lambda a: a.tolist(),
 }
-"""What native functions on rows of entries take for no array of theirs."""
+"""Arrays that native functions on rows of entries do not accept."""
 
 MISALIGNED: dict[str, Layout] = {"misaligned": misaligned}
 

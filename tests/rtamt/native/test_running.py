@@ -1,4 +1,4 @@
-"""What a machine that another thread is running shows: nothing, as it changes meanwhile."""
+"""A machine that runs in another thread shows nothing, because it changes meanwhile."""
 
 import threading
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ EVENTS = np.arange(1e6), VALUES
 
 
 class Runs(Protocol):
-    """A machine that takes in a whole trace."""
+    """A machine that takes a complete trace."""
 
     def run(self, *trace: object) -> object: ...
 

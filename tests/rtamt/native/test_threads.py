@@ -1,4 +1,4 @@
-"""Threads that monitor at once: each finds what one finds alone, or its call is refused.
+"""Threads that monitor at the same time: each has the results of a single thread, or an error.
 
 `.ci/run threads` runs these tests with a module that ThreadSanitizer watches.
 """
@@ -46,7 +46,7 @@ RUNNING = (
 
 
 def at_once(*calls: Callable[[], T]) -> list[T]:
-    """What the calls give, each in a thread, all begun together."""
+    """Return the results of the calls, each in a thread, all started together."""
     ready = threading.Barrier(len(calls))
 
     def run(call: Callable[[], T]) -> T:
@@ -73,7 +73,7 @@ def events(seed: int, n: int = LONG) -> dict[str, Any]:
     }
 
 
-# What a thread does with monitors of its own; numbers to compare.
+# The calls of a thread on its own monitors; numbers to compare.
 
 
 def offline(seed: int) -> list[float]:
@@ -128,7 +128,7 @@ def judged(seed: int) -> list[float]:
 
 
 def many(seed: int) -> list[float]:
-    """The outcomes of many traces, which threads of its own judge in C++."""
+    """Return the outcomes of many traces, which C++ judges in threads of its own."""
     spec, lengths = "always(x > y implies eventually[0:5](y > 1))", [1, 7, 12, 180] * (LONG // 200)
     result = rtamt.judge_many(spec, trace(seed), lengths=lengths, threads=THREADS)
     (triggers,) = result.triggers
@@ -343,7 +343,7 @@ def test_a_term_that_loses_its_value_meanwhile_is_refused(
 def test_the_sample_is_named_that_lost_its_value_between_two_looks(
     at: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every value is looked at first; the results of the samples before it write over it then."""
+    """Every value is read first; then the results of the samples before it overwrite it."""
     monitor = Monitor("next(x > 0)", backend="native")
     machine = cast("Any", monitor._machine)
     memory = np.ones(2_500)

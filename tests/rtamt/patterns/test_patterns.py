@@ -34,7 +34,7 @@ def greatest(values: Floats) -> float:
 
 
 def rises(p: Floats) -> Floats:
-    """How much p becomes true, at each sample."""
+    """Return the rise of p at each sample."""
     return np.minimum(p, np.concatenate(([INF], -p[:-1])))
 
 
@@ -187,7 +187,7 @@ def test_end_mode_keeps_verdicts_of_past_windows(name: str) -> None:
     def check(columns: list[list[float]]) -> None:
         trace = dict(zip("xyz", columns, strict=True))
         complete, cut = (rtamt.judge(formula, trace, 1, end=end) for end in ENDS)
-        if name == "recurrence" and len(columns[0]) <= T:  # nothing is asked of it
+        if name == "recurrence" and len(columns[0]) <= T:  # its window is empty
             assert (complete.verdict, cut.verdict) == (Verdict.SATISFIED, Verdict.UNDECIDED)
         else:
             assert complete.verdict is cut.verdict is not Verdict.UNDECIDED
@@ -277,7 +277,7 @@ def test_one_shape_has_stages(text: str) -> None:
 def test_the_arguments_of_in_order_are_the_stages(
     parts: list[Formula], within: int | str | None
 ) -> None:
-    plain = [part.rise() for part in parts]  # no eventually that could be one more stage
+    plain = [part.rise() for part in parts]  # no eventually that could be another stage
     chain = in_order(*plain, within=within)
     assert stages(chain) == tuple(plain)
     worst = prefixes(str(chain))

@@ -29,7 +29,7 @@ def row(
     dual: str | None = None,
     arrays: Combine | None = None,
 ) -> LatticeFold:
-    """A row whose functions take numbers and arrays alike."""
+    """Return a row whose functions accept numbers and arrays."""
     width = len(identity)
     return LatticeFold(
         name,
@@ -208,7 +208,7 @@ def test_an_operator_folds_by_a_row_of_the_table() -> None:
 
 @pytest.mark.parametrize("name", [name for name in FUNCTIONS if name != "pow"])
 def test_function_of_nan_is_nan(name: str) -> None:
-    """Any other function is named in rtamt/native/discrete/columns.hpp, as pow is."""
+    """Any other function is named in rtamt/native/discrete/columns.hpp, like pow."""
     function = FUNCTIONS[name]
     for place in range(function.arity):
         for number in (0.0, -0.0, 1.0, -2.0, math.inf, -math.inf):

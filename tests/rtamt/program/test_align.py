@@ -1,4 +1,4 @@
-"""Bounds that are no whole number of samples are rounded as `align` says, and nothing else is."""
+"""Bounds between two samples are rounded as `align` sets it, and nothing else changes."""
 
 import copy
 import pickle
@@ -24,7 +24,7 @@ ways = pytest.mark.parametrize("align", WAYS)
 
 
 def whole(steps: Fraction, align: Align, *, begin: bool) -> int:
-    """The sample of a bound, by integer arithmetic on twice its number of steps."""
+    """Return the sample of a bound, by integer arithmetic on twice its number of steps."""
     low, rest = divmod(steps.numerator, steps.denominator)
     if rest == 0:
         return low
@@ -35,7 +35,7 @@ def whole(steps: Fraction, align: Align, *, begin: bool) -> int:
 
 
 def rebuilt(formula: Node, interval: Callable[[Interval], Interval | None]) -> Node:
-    """The formula with every interval replaced."""
+    """Return the formula with every interval replaced."""
     if formula.op is None:
         return formula
     args = tuple(rebuilt(arg, interval) for arg in formula.args)
@@ -45,7 +45,7 @@ def rebuilt(formula: Node, interval: Callable[[Interval], Interval | None]) -> N
 
 @st.composite
 def misfits(draw: st.DrawFn) -> tuple[Formula, Formula, Fraction, Align]:
-    """A formula whose bounds fit no sample, the same in samples, the period, the way."""
+    """A formula with bounds between samples, the same in samples, the period, the rounding."""
     drawn = draw(formulas(endless=True))
     period, align = draw(st.sampled_from(PERIODS)), draw(st.sampled_from(WAYS))
     rounded: dict[Interval, Interval | None] = {}
@@ -54,7 +54,7 @@ def misfits(draw: st.DrawFn) -> tuple[Formula, Formula, Fraction, Align]:
         shift, more = (Fraction(draw(st.integers(0, 7)), 8) for _ in range(2))
         unit = draw(st.sampled_from([*UNITS]))
         scale = period * UNITS[unit]
-        # Bounds are decimal numbers; a period of 1/15 has multiples that are not.
+        # Bounds are decimal numbers; some multiples of a period of 1/15 are not.
         begin = Fraction(round((interval.begin + shift) * scale * 1000), 1000)
         end = None
         if interval.end is not None:
@@ -117,7 +117,7 @@ def test_values_come_as_late_as_with_the_rounded_bounds(
     misfit, fitting, period, align = case
     try:
         expected = rtamt.Monitor(fitting)
-    except SpecificationError:  # a future without an end
+    except SpecificationError:  # an unbounded future
         with pytest.raises(SpecificationError, match="without an end"):
             rtamt.Monitor(misfit, period, align=align)
         return

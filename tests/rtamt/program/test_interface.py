@@ -46,7 +46,7 @@ INF = math.inf
 
 
 def defined(case: Case, trace: Trace) -> list[float]:
-    """The robustness by definition."""
+    """Return the robustness by definition."""
     return robustness(case[0].formula, trace, length(trace), read(case))
 
 

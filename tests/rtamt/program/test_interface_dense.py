@@ -1,4 +1,4 @@
-"""The interface-aware semantics over dense time."""
+"""The interface-aware semantics in dense time."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ INF = math.inf
 
 
 def expected(case: Case, whole: Signals) -> Breakpoints:
-    """The breakpoints by definition."""
+    """Return the breakpoints by definition."""
     spec, of = case[0], read(case)
-    # The definition is one of sampled traces; here the trace is a single sample. A predicate that
-    # nobody knows counts 0.0, its upper bound.
+    # The definition is for samples; here the trace is a single sample. An unknown predicate has the
+    # value 0.0, its upper bound.
     definition = Definition(
         relevant(whole, spec.variables),
         lambda f, values: of(f, {name: [value] for name, value in values.items()}, 0)[1],

@@ -27,7 +27,7 @@ from rtamt.program.program import Program
 INF = math.inf
 
 WIDER = ("exp", "ln", "pow", "log")
-"""Functions whose ends are a step further out, and whose values are everything at times."""
+"""Functions with ends a step further out, and sometimes with all values."""
 
 
 def found(name: str, *operands: Ends) -> Ends | None:
@@ -61,7 +61,7 @@ def test_both_ends_are_values(name: str) -> None:
             assert not list(values(row.apply, operands, rng)), operands
         elif ends != EVERYTHING:
             its = list(values(row.apply, operands, rng))
-            if name in ("equal", "unequal"):  # both are equal at a point that is none of ours
+            if name in ("equal", "unequal"):  # both are equal at a point outside our list
                 its.append(0.0 if name == "equal" else -0.0)
                 near = ends[1] if name == "equal" else -ends[0]
                 its = its if near == 0.0 else its[:-1]
@@ -73,7 +73,7 @@ def test_both_ends_are_values(name: str) -> None:
 
 
 def steps(x: float, y: float) -> int:
-    """How many doubles lie between two of the same sign."""
+    """Return the number of doubles between two of the same sign."""
     bits = np.array([x, y]).view(np.int64)
     return abs(int(bits[0] - bits[1]))
 
@@ -103,7 +103,7 @@ def test_what_the_rules_say() -> None:
     assert found("abs", everything) == (0.0, INF)
     assert found("abs", (-3.0, 2.0)) == (0.0, 3.0)
     assert found("exp", everything) == (0.0, INF)  # a step further would be negative
-    assert found("sqrt", (-4.0, 4.0)) == (0.0, 2.0)  # what has no root is left out
+    assert found("sqrt", (-4.0, 4.0)) == (0.0, 2.0)  # the part without a root is omitted
     assert found("sqrt", (-4.0, -1.0)) is None
     assert found("ln", (-4.0, -1.0)) is None
     assert found("ln", (-4.0, 1.0)) == (-INF, 5e-324)
@@ -113,7 +113,7 @@ def test_what_the_rules_say() -> None:
     assert found("div", (1.0, 2.0), (0.0, 1.0)) == everything
     assert found("div", (1.0, 2.0), (-1.0, -0.0)) == everything
     assert found("div", (1.0, 2.0), (0.5, 1.0)) == (1.0, 4.0)
-    # Ends that are no number.
+    # Ends that are not numbers.
     assert found("add", (-INF, 1.0), (2.0, INF)) == everything
     assert found("mul", (0.0, 1.0), (2.0, INF)) == everything
     # Powers: everything, unless the power is monotone in both operands.
@@ -136,7 +136,7 @@ def test_what_the_rules_say() -> None:
         assert got is not None
         assert [steps(*pair) for pair in zip(got, ends, strict=True)] <= [1, 1], zero
     assert found("pow", (-3.0, -2.0), (0.5, 0.5)) is None
-    assert found("pow", (-INF, -2.0), (0.5, 0.5)) == everything  # inf has that power of -inf
+    assert found("pow", (-INF, -2.0), (0.5, 0.5)) == everything  # inf is that power of -inf
 
 
 def test_known_operands_give_the_value_itself() -> None:
@@ -165,7 +165,7 @@ def test_known_operands_give_the_value_itself() -> None:
 
 
 def applied(name: str, arity: int) -> Program:
-    """A program that applies a function to two variables and a constant."""
+    """Return a program that applies a function to two variables and a constant."""
     model = compile_program(parse("x + y > 0"))
     terms: list[Any] = [Load("x"), Load("y"), Const(2.0), Map(name, (0, 1)[:arity])]
     terms += [Map(name, (3, 2)[:arity]), Map(name, (2, 3)[:arity])]
@@ -182,7 +182,7 @@ def applied(name: str, arity: int) -> Program:
 def outcome(
     find: FindRanges, program: Program, columns: Sequence[list[NDArray[np.float64]]]
 ) -> str | list[int]:
-    """The bits of all ends, or the error."""
+    """Return the bits of all ends, or the error."""
     try:
         reader = SampleReader(program, bounds=True)
         found = find(program, reader, range(program.terms), columns[0], columns[1], 1)

@@ -1,4 +1,4 @@
-"""Time becomes samples exactly, or an error that says which times would."""
+"""Times become samples exactly, or an error names the times that would."""
 
 import math
 from fractions import Fraction
