@@ -119,7 +119,7 @@ def test_door_beyond_its_target_is_kept() -> None:
         "baseline", env, specs, {**FLAG, **metaworld.signals_of(name)}, episodes=3
     )
     counts = {spec: result.requirements[spec].satisfied for spec in specs}
-    # 17 samples lie in the band: 0.2 s, and the way on is 24 steps and more.
+    # 17 samples lie in the band: 0.2 s, and the rest takes 24 steps or more.
     StlMonitor(env, metaworld.done(name).always(), metaworld.signals_of(name))
     assert counts == {"any": 3, "last": 0, "held": 0, "kept": 0, "side": 3}
     assert result.repeats is True

@@ -1,4 +1,4 @@
-"""`rtamt_gym` where optional packages are not installed."""
+"""`rtamt_gym` without optional packages."""
 
 import importlib
 import subprocess
@@ -27,7 +27,7 @@ ALL = set(rtamt_gym._MODULES)
 
 
 def said(code: str, *, without: str = "") -> str:
-    """What a program prints where packages are missing."""
+    """Return the output of a program without some packages."""
     missing = "".join(f"sys.modules[{name!r}] = None\n" for name in without.split())
     done = subprocess.run(
         [sys.executable, "-c", f"import sys\n{missing}{code}"],

@@ -1,4 +1,4 @@
-"""The fractions that floats stand for."""
+"""The fractions that floats represent."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""Errors of the library name arguments of Python; each command says its options instead."""
+"""Errors of the library name Python arguments; commands name their options instead."""
 
 import ast
 import re
@@ -19,7 +19,7 @@ from rtamt_ros.parameters import PARAMETERS
 
 Output = pytest.CaptureFixture[str]
 
-# Arguments of Python alone: no command has an option for them.
+# Arguments without an option of a command.
 OF_PYTHON = {
     *("batch", "cost", "eval_freq", "inputs", "keep", "modules", "names", "observe", "outputs"),
     *("resamples", "resolution", "window"),
@@ -27,7 +27,7 @@ OF_PYTHON = {
 
 
 def calls() -> Iterator[ast.Call]:
-    """Every ``Argument(...)`` of the house whose name is written there."""
+    """Return every ``Argument(...)`` with a literal name."""
     for package in ("rtamt", "rtamt_gym", "rtamt_ros"):
         for path in (ROOT / package).rglob("*.py"):
             if "Argument(" in (text := path.read_text()):
@@ -59,7 +59,7 @@ def test_an_argument_of_python_alone_is_no_option(name: str) -> None:
 def test_advice_names_options_that_the_command_has(command: str, capsys: Output) -> None:
     assert main([command, "--help"]) == 0
     helped = capsys.readouterr().out
-    if command == "compare":  # it speaks of the command that makes what it reads
+    if command == "compare":  # it names the command that creates its input
         assert main(["evaluate", "--help"]) == 0
         helped += capsys.readouterr().out
     for call in calls():

@@ -1,4 +1,4 @@
-"""`rtamt check`: what it prints, writes and exits with."""
+"""`rtamt check`: its output, its files and its exit codes."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The command line: what it prints, what it refuses, and how it exits."""
+"""The command line: its output, its errors and its exit codes."""
 
 import io
 import json
@@ -35,7 +35,7 @@ time,req,gnt,speed,note
 
 
 class Ramp(gym.Env[Any, Any]):
-    """x goes up by the action, 0 or 1, ten times a second."""
+    """x rises by the action, 0 or 1, ten times a second."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(2, start=1)
@@ -62,7 +62,7 @@ def ramp() -> Iterator[str]:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with a specification and a trace."""
+    """Return the working directory, with a specification and a trace."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.stl").write_text(SPEC)
     (tmp_path / "trace.csv").write_text(TRACE)

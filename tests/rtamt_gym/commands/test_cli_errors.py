@@ -1,4 +1,4 @@
-"""What the command line refuses: one message on stderr, exit code 2."""
+"""Errors of the command line: one message on stderr, exit code 2."""
 
 import io
 import sys
@@ -16,7 +16,7 @@ ERRORS = entries(Path(__file__).with_name("cli_errors.txt"))
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with specifications and traces, good and bad."""
+    """Return the working directory, with specifications and traces, good and bad."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.stl").write_text("always(speed < 30)")
     (tmp_path / "trace.csv").write_text("speed\n29\n31\n")

@@ -94,11 +94,11 @@ def test_on_an_empty_road_the_gap_is_the_longest_that_is_told() -> None:
     run = simulate(env, "always(gap > 99)", HIGHWAY.signals, policy=careful, seed=0, duration=3)
     env.close()
     assert run.signals["gap"].tolist() == [100.0] * 4
-    assert run.signals["speed"][-1] > run.signals["speed"][0]  # so that it hurries
+    assert run.signals["speed"][-1] > run.signals["speed"][0]  # so that it is fast
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """The files below a folder."""
+    """Return the files below a folder."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")

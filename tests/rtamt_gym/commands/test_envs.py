@@ -1,4 +1,4 @@
-"""`rtamt envs`: every selector that is printed can be read, and reads what is printed."""
+"""`rtamt envs`: every printed selector can be read, and has the printed value."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Rich(gym.Env[Any, Any]):
 
 
 class Wide(Rich):
-    """An environment with as many numbers as asked for."""
+    """An environment with a given count of numbers."""
 
     def __init__(self, **options: int) -> None:
         self.observation_space = spaces.Box(0, 1, (options["n"],), np.float64)  # type: ignore[assignment]
@@ -77,7 +77,7 @@ class Wide(Rich):
 
 
 class Driven:
-    """A vehicle one of whose properties can be read only once it has a lane."""
+    """A vehicle with a property that exists only with a lane."""
 
     speed = 25.0
     lane = None
@@ -109,7 +109,7 @@ def _registered() -> Iterator[None]:
 
 
 def printed(capsys: Output, *arguments: str) -> tuple[list[str], list[list[str]]]:
-    """The lines above the table, and its rows."""
+    """Return the lines above the table, and its rows."""
     assert main(["envs", *arguments]) == 0
     lines = capsys.readouterr().out.splitlines()
     begin = next(i for i, line in enumerate(lines) if line.startswith("selector"))
@@ -179,7 +179,8 @@ def test_every_selector_reads_what_is_printed(env_id: str, capsys: Output) -> No
     assert len(rows) == len(signals) == len(run.signals)
     for selector, at_reset, after in rows:
         values = run.signals[selector]
-        if not selector.startswith("info['action']"):  # highway-env draws it at a reset, unseeded
+        # highway-env draws the action at a reset, without the seed.
+        if not selector.startswith("info['action']"):
             assert at_reset in {"-", number(values[0])}, selector
         assert after == number(values[1]), selector
 
@@ -234,7 +235,7 @@ def test_the_length_of_a_step_is_told_with_what_says_it(
 
 
 class Stepped(Rich):
-    """An environment that states the times it is given."""
+    """An environment that states given times."""
 
     def __init__(self, **times: Any) -> None:  # noqa: ANN401
         vars(self).update({"control_timestep": None} | times)

@@ -1,4 +1,4 @@
-"""`rtamt evaluate` and `rtamt compare`: what they print and write, exit codes, and mistakes."""
+"""`rtamt evaluate` and `rtamt compare`: their output, files, exit codes and errors."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def told(capsys: Output, code: int, *arguments: str) -> list[str]:
-    """What a command prints; no line is too long."""
+    """Return the output of a command; no line is too long."""
     assert main([*arguments]) == code, capsys.readouterr()
     out = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in out)

@@ -1,4 +1,4 @@
-"""`rtamt examples`: what it prints, writes and exits with."""
+"""`rtamt examples`: its output, its files and its exit codes."""
 
 import json
 from pathlib import Path

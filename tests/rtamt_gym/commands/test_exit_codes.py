@@ -1,4 +1,4 @@
-"""Exit code 1 means a violation: no error ends in it, expected or not."""
+"""Exit code 1 means a violation: no error has it, expected or not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WIDE = " and ".join(f"abs(x - {i}) > 0.25" for i in range(40))
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with a trace."""
+    """Return the working directory, with a trace."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "trace.csv").write_text("time,x\n0,1.5\n1,2.5\n2,3.5\n")
     return tmp_path

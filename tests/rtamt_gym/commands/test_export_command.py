@@ -1,4 +1,4 @@
-"""`rtamt export`: what it writes, and mistakes."""
+"""`rtamt export`: its files, and errors."""
 
 import shlex
 from pathlib import Path
@@ -24,7 +24,7 @@ TWO = "apart = always(gap > 1)\nslow = always(speed < 5)\n"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with two specifications."""
+    """Return the working directory, with two specifications."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "one.stl").write_text(ONE)
     (tmp_path / "two.stl").write_text(TWO)

@@ -1,4 +1,4 @@
-"""`rtamt falsify` and `rtamt replay`: what they print and write, exit codes, and mistakes."""
+"""`rtamt falsify` and `rtamt replay`: their output, files, exit codes and errors."""
 
 import json
 import shlex
@@ -24,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def lines(capsys: Output, code: int, *arguments: str) -> list[str]:
-    """What a command prints; no line is too long."""
+    """Return the output of a command; no line is too long."""
     assert main([*arguments]) == code, capsys.readouterr()
     out = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in out)

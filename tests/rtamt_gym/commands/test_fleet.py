@@ -1,4 +1,4 @@
-"""Many files into a folder of results: rows, what is judged again, kills, and crashes."""
+"""Many files into a folder of results: rows, files judged again, kills, and crashes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def judge(*more: str, files: Sequence[str] = ("runs",)) -> int:
 
 
 def rows(place: Path = Path("results")) -> dict[str, dict[str, Any]]:
-    """The rows by path; no path has two."""
+    """Return the rows by path; no path has two."""
     table = pq.read_table(place / RESULTS).to_pylist()
     assert len({row["path"] for row in table}) == len(table)
     return {row["path"]: row for row in table}
@@ -90,7 +90,7 @@ def test_rows_equal_the_outcomes_of_one_command(folder: Path, capsys: Output) ->
 def test_only_changed_files_are_judged_again(folder: Path, capsys: Output) -> None:
     judge()
     before = rows()
-    # Other bytes with the same size and time are not looked at, unless they are to be verified.
+    # Other bytes with the same size and time are not noticed, unless they are verified.
     hidden, changed, removed = (folder / f"runs/r{i:03d}.csv" for i in range(3))
     status = hidden.stat()
     hidden.write_text(hidden.read_text().replace("time", "tyme"))
@@ -107,7 +107,7 @@ def test_only_changed_files_are_judged_again(folder: Path, capsys: Output) -> No
     assert after["runs/r002.csv"] == {**before["runs/r002.csv"], "gone": True}
     judge("--verify")
     assert "no column" in rows()["runs/r000.csv"]["error"] or rows()["runs/r000.csv"] != before
-    write(removed, 2)  # it is there again
+    write(removed, 2)  # it exists again
     judge()
     assert not rows()["runs/r002.csv"]["gone"]
 
@@ -274,7 +274,7 @@ def test_outcomes_are_written_once(capsys: Output) -> None:
 
 
 class Deadly(FileRunner):
-    """Ends its process at files with this name."""
+    """A reader that ends its process at files with this name."""
 
     def run(self, tasks: Sequence[FileTask], *_: object, **__: object) -> Iterator[tuple[int, Any]]:
         for i, task in enumerate(tasks):

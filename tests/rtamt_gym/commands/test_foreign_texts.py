@@ -1,4 +1,4 @@
-"""Texts of files and names of others write no commands and no control characters anywhere."""
+"""Texts of foreign files and names write no commands and no control characters anywhere."""
 
 import json
 import os
@@ -26,7 +26,7 @@ HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 
 def harmless(text: str) -> bool:
-    """Whether a text writes no control character but ends of lines and tabs, and no command."""
+    """Return whether a text has only tabs and line ends as control characters, and no command."""
     fine = all(c in "\n\t" or unicodedata.category(c) not in HIDDEN for c in text)
     return fine and not any(word.startswith(("::", "##[", "##vso[")) for word in text.split())
 

@@ -1,4 +1,4 @@
-"""What a gate in CI requires of its traces, and what it leaves behind."""
+"""A gate in CI: its requirements on traces, and its files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDENTIFIED = '@ id(near, "R-1")\nnear = always(v < 9)\nslow = always(near implie
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory: three traces, of which two trigger `UP`, next to other files."""
+    """Return the working directory: three traces, two of which trigger `UP`, and other files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "runs").mkdir()
     for name, v in (("a", 2), ("b", 2), ("c", 0)):
@@ -69,7 +69,7 @@ def test_require_triggered_refuses_other_values(value: str, capsys: Output) -> N
 
 
 def _cases(path: Path) -> dict[str, str]:
-    """The type of the failure of each test case, or the tag of its result, or ``passed``."""
+    """Return the failure type of each test case, or the tag of its result, or ``passed``."""
     found = {}
     for case in ET.parse(path).iter("testcase"):  # noqa: S314 - our own file
         results = [each for each in case if each.tag in {"failure", "error", "skipped"}]

@@ -1,4 +1,4 @@
-"""Hints for frequent slips on the command line and in functions that are simulated."""
+"""Hints for frequent mistakes on the command line and in simulated functions."""
 
 from __future__ import annotations
 

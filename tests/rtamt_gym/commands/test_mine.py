@@ -1,4 +1,4 @@
-"""`rtamt mine`: what it prints, its exit codes, and mistakes."""
+"""`rtamt mine`: its output, its exit codes, and errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMULA = "always(req >= 3 implies eventually[0:?t](gnt >= ?w))"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with traces and requirements."""
+    """Return the working directory, with traces and requirements."""
     monkeypatch.chdir(tmp_path)
     runs = tmp_path / "runs"
     runs.mkdir()
@@ -38,7 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def found(words: list[str], capsys: Output) -> tuple[float, str, float]:
-    """The value, the side and where it fails, as they are written in JSON."""
+    """Return the value, the side and the failing neighbour in JSON."""
     assert main(["mine", *words, "--json"]) == 0
     output = capsys.readouterr()
     assert output.err == ""

@@ -1,4 +1,4 @@
-"""Which mutants of requirements traces notice: `rtamt monitor --mutants`."""
+"""The mutants of requirements that traces kill: `rtamt monitor --mutants`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Output = pytest.CaptureFixture[str]
 
 @pytest.fixture(autouse=True)
 def _solver_with_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However busy the machine is, the solver answers before its time is over."""
+    """Give the solver enough time on a busy machine."""
     monkeypatch.setattr(mutants, "_SECONDS", 60.0)
 
 
@@ -42,7 +42,7 @@ def write_trace(path: Path, columns: dict[str, list[float]]) -> None:
 
 
 def traces_in(folder: Path, count: int, seed: int, samples: int = 5) -> list[str]:
-    """Traces of x and y that are written into a folder."""
+    """Write traces of x and y into a folder."""
     chance = random.Random(seed)
     folder.mkdir(exist_ok=True)
     for i in range(count):
@@ -52,7 +52,7 @@ def traces_in(folder: Path, count: int, seed: int, samples: int = 5) -> list[str
 
 
 def code_of(arguments: list[str]) -> object:
-    """The exit code, also where the parser of arguments ends the program."""
+    """Return the exit code, also if the parser of arguments ends the program."""
     try:
         return main(arguments)
     except SystemExit as ended:
@@ -315,7 +315,7 @@ def test_a_search_tells_a_requirement_from_another_one(
 def test_a_sweep_tells_a_requirement_from_its_mutants(
     tmp_path: Path, capsys: Output, text: str
 ) -> None:
-    """Of simulations that are run under both, those are violated on which the verdicts differ."""
+    """The verdicts differ on simulations that violate only the requirement or the mutant."""
     space = ["rtamt/RequestGrant-v0", "--vary", "height=2:8", "--vary", "limit=0:6"]
     command = ["sweep", *space, "--samples", "8", "--json", str(tmp_path / "record.json")]
 
@@ -382,7 +382,7 @@ def test_the_head_of_the_page_speaks_of_the_suite(
 
 
 BOUNDED = "always(eventually(x < 1) or eventually(x < 0))"
-"""Without its last part it is the same, which no number of samples proves."""
+"""Without its last part it is equal, which no number of samples proves."""
 
 
 def test_what_is_not_proved_to_be_the_same_is_not_noticed(tmp_path: Path, capsys: Output) -> None:
@@ -415,7 +415,7 @@ def test_mutants_that_look_at_the_first_sample_alone_are_said(trace: str, capsys
 
 
 def _but_the_trace_that_tells_apart(found: Any) -> Any:  # noqa: ANN401 - JSON
-    """Z3 finds one of many, and another one where it has solved something before."""
+    """Z3 finds one trace of many, and another one after earlier solutions."""
     if isinstance(found, dict):
         return {
             key: value is not None if key == "apart" else _but_the_trace_that_tells_apart(value)

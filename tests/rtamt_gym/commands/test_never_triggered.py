@@ -1,4 +1,4 @@
-"""Requirements that no trace triggers, or of which no trigger is answered."""
+"""Requirements that no trace triggers, and requirements without an answered trigger."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SAID = "never triggered: answered in 0 of 2 traces"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with traces of which one has a request."""
+    """Return the working directory, with traces of which one has a request."""
     monkeypatch.chdir(tmp_path)
     for name, request in (("idle", 0), ("calm", 1), ("busy", 4)):
         rows = "".join(f"{time},{request if time == 1 else 0},9\n" for time in range(5))
@@ -109,13 +109,14 @@ def test_what_may_have_been_asked_is_not_said_to_be_never_asked(
     written = (folder / "out.xml").read_text()
     assert f'message="{said}"' in written
     assert written.count("not certainly triggered: req &gt;= 3 implies") == 1
-    assert written.count("never triggered: req &gt;= 3 implies") == 1  # of idle.csv all is known
+    # idle.csv is completely known.
+    assert written.count("never triggered: req &gt;= 3 implies") == 1
     section = section_of("result.json", ROOM)
     assert "; not certainly triggered: answered" in str(standing_of([section]))
     page = render(Report("made up", "rtamt", (section,)))
     assert "Not certainly triggered in 2 traces." in page
     assert "ever asked" not in page
-    # A trace that asks for certain is enough.
+    # One trace with a certain trigger is enough.
     assert run("busy.csv", "holes.csv", *words) == 0
     assert "not asked" not in capsys.readouterr().out
 

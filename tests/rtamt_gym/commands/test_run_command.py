@@ -23,7 +23,7 @@ Output = pytest.CaptureFixture[str]
 
 
 class Falls(gym.Env[Any, Any]):
-    """x goes up to 3, where the environment ends the episode."""
+    """x rises to 3, where the environment ends the episode."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(1)
@@ -159,7 +159,7 @@ NO_END = "which does not end a simulation; return, or raise an error"
 
 
 class Breaks(Leaving):
-    """Episodes of odd seeds fail at the second step, each with an error of its own."""
+    """An environment whose episodes of odd seeds fail at the second step with different errors."""
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
         self._seed = seed
@@ -238,7 +238,7 @@ def test_if_all_fail_the_error_of_the_first_is_raised(capsys: Output) -> None:
 
 
 class Given(gym.Env[Any, Any]):
-    """An environment that keeps what it was made with."""
+    """An environment that keeps its arguments."""
 
     options: dict[str, Any]
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)

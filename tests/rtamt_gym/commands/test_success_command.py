@@ -1,4 +1,4 @@
-"""`rtamt evaluate --success`: the readings of a flag beside each other, counted by hand."""
+"""`rtamt evaluate --success`: the definitions of success of a flag, counted by hand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def told(capsys: Output, code: int, *arguments: str) -> str:
-    """What a command prints; no line is too long."""
+    """Return the output of a command; no line is too long."""
     assert main([*arguments]) == code, capsys.readouterr()
     out = capsys.readouterr().out
     assert all(len(line) <= 80 for line in out.splitlines())
@@ -95,7 +95,7 @@ def test_an_environment_that_ends_at_its_first_success_holds_nothing(capsys: Out
     assert f"success.last {100 * count / 20:.1f}%" in out
     assert "success.held 0.0%" in out
     assert "success.kept 0.0%" in out
-    assert "bounded window" not in out  # no end decides one that looks back
+    assert "bounded window" not in out  # the end does not decide a past formula
     forward = ["--spec", "forward = eventually(always[0:0.5](ok >= 0.5))"]
     out = told(capsys, 0, *ends, *forward, "--signal", "ok=info['success'],0")
     assert "note: the environment ended an episode inside a bounded window" in out

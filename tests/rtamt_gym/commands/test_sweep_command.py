@@ -1,4 +1,4 @@
-"""`rtamt sweep`: what it prints, what it writes, and mistakes."""
+"""`rtamt sweep`: its output, its files, and errors."""
 
 import json
 import re
@@ -28,7 +28,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def lines(capsys: Output, *arguments: str) -> list[str]:
-    """What the command prints; no line is too long."""
+    """Return the output of the command; no line is too long."""
     assert main(["sweep", *arguments]) == 0
     out = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in out)

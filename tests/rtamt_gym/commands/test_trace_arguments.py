@@ -1,4 +1,4 @@
-"""The arguments of `rtamt monitor` and `rtamt explain`: what they mean, and what is refused."""
+"""The arguments of `rtamt monitor` and `rtamt explain`: their meaning, and errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TEXT = "const float limit = 30\nnear = always(gap > 2)\nslow = always(speed < li
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with requirements, traces, and a folder without traces."""
+    """Return the working directory, with requirements, traces, and a folder without traces."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "req.stl").write_text(TEXT)
     for name in ("a.csv", "b.csv", "c.csv"):

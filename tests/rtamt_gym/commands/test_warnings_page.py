@@ -90,7 +90,7 @@ class Row(NamedTuple):
 
     @property
     def code(self) -> int:
-        """The exit code without the option."""
+        """Return the exit code without the option."""
         return int(self.fails[0]) if self.fails[0].isdecimal() else 0
 
 
@@ -131,7 +131,7 @@ LIMITS = {
     "two": "'low = always(gnt < 5); high = always(gnt < 6)'",
     "changed": "'low = always(gnt < 5); high = always(gnt < 7)'",
 }
-"""The requirements of results that are compared."""
+"""The requirements of compared results."""
 LIMITED = "'input float64 limit = 5.0; float64 gnt; fine = always(gnt > limit)'"
 SHOWN: dict[str, Shown] = {
     "no trace triggers the requirement": Shown(f"monitor '{RESPONSE}' -- idle.csv calm.csv", ASKED),
@@ -358,7 +358,7 @@ SENTENCES: dict[Row, Shown] = {
 
 
 def rows() -> list[Row]:
-    """The rows of the page."""
+    """Return the rows of the page."""
     found = []
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
@@ -369,7 +369,7 @@ def rows() -> list[Row]:
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with traces and systems."""
+    """Return the working directory, with traces and systems."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     for name, request in (("idle", 0), ("calm", 1), ("busy", 5)):
@@ -395,7 +395,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def cases(folder: Path, capsys: Output) -> None:
-    """A saved case, one that expects another verdict, and one whose system leaves."""
+    """Return a saved case, one that expects another verdict, and one whose system leaves."""
     assert main(shlex.split(f"{SEARCH} --save case.json")) == 0
     kept = json.loads((folder / "case.json").read_text())
     kept["expected"]["verdict"] = "VIOLATED"

@@ -28,7 +28,7 @@ OPTIONS: dict[str, Any] = {"at_termination": "complete", "mode": "add", "cost": 
 
 @pytest.fixture(autouse=True)
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of all datasets, which is empty."""
+    """Return the empty folder of all datasets."""
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     return tmp_path
 

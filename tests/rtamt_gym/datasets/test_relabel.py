@@ -1,4 +1,4 @@
-"""`relabel` equals the wrappers on recorded episodes, to the last bit."""
+"""`relabel` equals the wrappers on recorded episodes, bit by bit."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_relabel_equals_wrappers(
         options |= {**shaping_options(mode, *SPECS), "weights": {"calm": 0.25}, "clip": 2.0}
         options |= {"bonus": bonus + (mode == "verdict"), "penalty": penalty}
     rng = np.random.default_rng(len(values))
-    # What has no end in the record is read as cut by a time limit.
+    # A record without an end is read as cut by a time limit.
     shown = "truncated" if end == "cut" else end
     pairs = [
         record(
@@ -254,7 +254,7 @@ def test_the_episodes_given_are_not_changed() -> None:
 
 
 def test_relabel_has_every_recorded_option() -> None:
-    """A new option of a wrapper is an option here, or is left out on purpose."""
+    """A new option of a wrapper is an option here, or is listed as left out."""
     others = {"on_violation", "on_satisfaction", "buffer_length", "mode", "live"}
     others |= {*names_for("runs")} - {*names_for("recorded")}
     others |= {"constants"}  # they change between episodes; a template gives each its specification

@@ -28,7 +28,7 @@ def episode(steps: int = 2, **changes: Any) -> dict[str, Any]:  # noqa: ANN401
 
 
 def message(given: Any, spec: Any = "always(x > 0)", signals: Any = None, **options: Any) -> str:  # noqa: ANN401
-    """The message and the notes of the error."""
+    """Return the message and the notes of the error."""
     with pytest.raises(InputError) as error:
         relabel(given, spec, X if signals is None else signals, **options)
     return "\n".join([str(error.value), *getattr(error.value, "__notes__", [])])

@@ -1,4 +1,4 @@
-"""`compare_methods`: its numbers, its file, its picture, and what it refuses."""
+"""`compare_methods`: its numbers, its file, its picture, and its errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_every_number_counts_runs() -> None:
     assert shaped.quartiles[0] == 0.2
     assert shaped.quartiles[4] == 1.0
     assert shaped.improvement is not None
-    # The failed run is level with one run of five and above the others.
+    # The failed run equals one run of five and is above the others.
     assert shaped.improvement.value == pytest.approx((5 * 5 + 4.5) / 30)
     assert (plain.improvement, plain.p, plain.adjusted) == (None, None, None)
     assert same.improvement is not None

@@ -23,7 +23,7 @@ LIMIT = "limit = always(x < 1)"
 
 @pytest.fixture
 def judge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> Judge:
-    """Writes recordings below a folder and returns the name of the file of their verdicts."""
+    """Write recordings below a folder and return the name of the file of their verdicts."""
     monkeypatch.chdir(tmp_path)
 
     def judged(
@@ -61,7 +61,7 @@ def judge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> Ju
 
 @pytest.fixture
 def compare(capsys: Output) -> Compare:
-    """Compares two files: the exit code, the comparison, and the text."""
+    """Compare two files; return the exit code, the comparison, and the text."""
 
     def compared(*arguments: str) -> tuple[int, RecordingsComparison, str]:
         code = main(["compare", "a.json", "b.json", "--save", "c.json", *arguments])
@@ -308,7 +308,7 @@ def test_unrecorded_instants_of_b_are_undecided(judge: Judge, compare: Compare) 
 
 
 def test_exit_code_covers_worse_verdicts(judge: Judge, compare: Compare) -> None:
-    """No pair of verdicts that is worse in B passes, whatever the samples are."""
+    """Every worse verdict in B fails, for any samples."""
     generator = np.random.default_rng(7)
     specs = ["answered = always(x > 0 implies eventually[1:2](x < 0))", "up = eventually(x > 0)"]
     codes = set()
@@ -358,7 +358,7 @@ def test_other_clock_error(judge: Judge, compare: Compare, capsys: Output) -> No
     assert comparison.shifts == {"1.csv": -2.0}
     code, comparison, _ = compare("--times", "recorded")
     assert (code, statuses(comparison)) == (1, ["gone", "new"])
-    # within the tolerance, both clocks are the same
+    # within the tolerance, both clocks are equal
     assert compare("--tolerance", "2s")[0] == 0
 
 

@@ -1,4 +1,4 @@
-"""Comparisons: pairs by seed, what is refused, what is said, and files."""
+"""Comparisons: pairs by seed, errors, texts, and files."""
 
 import json
 import math

@@ -17,7 +17,7 @@ INF = math.inf
 
 
 def score(gap: float, only_a: int, only_b: int, pairs: int) -> float:
-    """The score statistic, its share of A alone found by maximising the likelihood."""
+    """Return the score statistic, with the share of A alone from a maximum of the likelihood."""
     low, high = max(0.0, -gap), (1 - gap) / 2
 
     def negative(share: float) -> float:

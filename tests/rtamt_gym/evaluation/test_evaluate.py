@@ -1,4 +1,4 @@
-"""An evaluation counts what a loop by hand counts, however its episodes are played."""
+"""An evaluation counts like a loop by hand, for any way of playing its episodes."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -
     ):
         assert evaluation(**options) == expected
     assert evaluation(env=Walk()) == expected
-    # What is finished is not played again.
+    # Finished episodes are not played again.
     assert evaluation(folder=tmp_path / "f", n_envs=3) == expected
 
 
@@ -250,7 +250,7 @@ def test_an_open_end_is_told_once_and_only_where_it_settled_something() -> None:
     assert [each.category for each in told] == [OpenEndWarning]
     assert "specification 'p' was open" in str(told[0].message)
     assert found.success.rate == 1.0
-    # The last sample reaches the goal: the end settles nothing. Warnings are errors here.
+    # The last sample reaches the goal: the end decides nothing. Warnings are errors here.
     evaluate_policy("zero", Walk(goal=0.9), {"g": "eventually(abs(x) > 0.9)"}, **options)
 
 

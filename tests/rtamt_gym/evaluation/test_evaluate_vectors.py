@@ -1,4 +1,4 @@
-"""A vector environment plays the episodes that its environments play alone."""
+"""A vector environment plays the same episodes as its environments alone."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_an_episode_that_raises_has_its_error_in_its_row_and_the_others_none(
 
 
 def test_short_episodes_do_not_come_more_often() -> None:
-    # An episode that succeeds is over after a step, and one that fails after 12.
+    # A successful episode is over after a step, a failed one after 12.
     class Coin(Walk):
         def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
             _, info = super().reset(seed=seed, options=options)
@@ -209,7 +209,7 @@ def test_an_episode_that_raises_when_it_is_played_again_is_told() -> None:
 
 
 class Telling(Walk):
-    """A walk whose place is in its info too."""
+    """A walk with its place in the info too."""
 
     def reset(self, **options: Any) -> Any:  # noqa: ANN401
         obs, _ = super().reset(**options)

@@ -1,4 +1,4 @@
-"""Ctrl-C ends an evaluation with the episodes that are over."""
+"""Ctrl-C ends an evaluation with its complete episodes."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ WORDS = ["own_environment:Own-v0", "--spec", "near = always(abs(x) < 1)", "--sig
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, with a module of an environment and policies."""
+    """Return the working directory, with a module of an environment and policies."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own_environment.py").write_text(MODULE)
     return tmp_path

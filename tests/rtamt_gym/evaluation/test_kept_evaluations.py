@@ -1,4 +1,4 @@
-"""An evaluation that was made stays, and its environment is as it was, whatever comes after."""
+"""Later calls change neither a finished evaluation nor its environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ READ: Any = {"period": 1, "at_termination": "complete"}
 
 
 class Level(gym.Env[Any, Any]):
-    """Observes how many steps were made; may do something else in a reset of a later count."""
+    """Observes the number of steps; may act differently in a later reset."""
 
     observation_space = gym.spaces.Box(-np.inf, np.inf, (1,), np.float32)
     action_space = gym.spaces.Discrete(2)
@@ -42,7 +42,7 @@ class Level(gym.Env[Any, Any]):
 
 
 class Model:
-    """Acts in a batch, until something is raised."""
+    """A model that acts in a batch until an error is raised."""
 
     def __init__(self, raised: BaseException, after: int) -> None:
         self.raised, self.left = raised, after
@@ -74,7 +74,8 @@ def raising(error: BaseException, resets: int) -> Callable[[int], None]:
 
 
 def test_ctrl_c_while_the_worst_episodes_are_played_again_keeps_the_evaluation() -> None:
-    for resets in (EPISODES, EPISODES + 2):  # when seeds are tried, and when the worst is played
+    # At the test of seeds, and at the repeat of the worst episode.
+    for resets in (EPISODES, EPISODES + 2):
         with pytest.raises(KeyboardInterrupt) as pressed:
             evaluate(Level(raising(KeyboardInterrupt(), resets)))
         found: Any = pressed.value

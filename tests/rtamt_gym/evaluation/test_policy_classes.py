@@ -1,4 +1,4 @@
-"""A class of policies is made anew for each episode: what it remembers begins with it."""
+"""A class of policies has a new object for each episode, with an empty memory."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.
 
 
 class Alternating:
-    """Acts by how often it was asked."""
+    """A policy that acts by its number of calls."""
 
     made = 0
 
@@ -34,7 +34,7 @@ class Alternating:
 
 
 class Drawing:
-    """Draws its actions from the seed of the episode."""
+    """A policy that draws its actions from the seed of the episode."""
 
     def __init__(self, seed: int = 0) -> None:
         self.random = random.Random(seed)
@@ -67,7 +67,7 @@ def test_each_episode_has_its_own(n_envs: int) -> None:
         episodes=4,
         n_envs=n_envs,
         keep=0,
-        at_termination="complete",  # else some are played again, to tell what an end meant
+        at_termination="complete",  # otherwise some episodes are repeated to explain their ends
     )
     assert Alternating.made == 4
     assert found.policy == "Alternating"
@@ -141,7 +141,7 @@ def test_a_class_that_cannot_be_made_or_called_is_refused(kind: type, message: s
 
 def test_one_on_a_builtin_type_that_does_not_tell_its_arguments_is_one_too() -> None:
     class Counter(dict[str, int]):
-        """Acts by how often it was asked."""
+        """A policy that acts by its number of calls."""
 
         def __call__(self, _obs: Any) -> int:  # noqa: ANN401
             self["asked"] = self.get("asked", 0) + 1

@@ -1,4 +1,4 @@
-"""What policies are called: two models of one class are told apart in every text and file."""
+"""Names of policies: all texts and files distinguish two models of one class."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ SPEC = "upright = always(abs(angle) < 0.1)"
 
 
 class PPO:
-    """A model as a library has it: nothing but its class has a name."""
+    """A model as in libraries: only its class has a name."""
 
     def __init__(self, action: int) -> None:
         self.action = action

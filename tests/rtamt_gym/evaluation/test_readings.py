@@ -1,4 +1,4 @@
-"""How episodes were read is kept with an evaluation; `compare` refuses what was read otherwise."""
+"""An evaluation keeps its evaluation options; `compare` refuses different ones."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def carts() -> Any:  # noqa: ANN401
 
 
 class Naming(gym.Wrapper[Any, Any, Any, Any]):
-    """Has signals of its own."""
+    """An environment with signals of its own."""
 
     signals = SIGNALS
 

@@ -20,7 +20,7 @@ paths = st.lists(
 @given(paths, paths)
 def test_pairs_match_every_choice_of_folders(a: list[str], b: list[str]) -> None:
     def below(names: list[str]) -> list[dict[str, str]]:
-        """The names below each folder that contains all of them."""
+        """Return the names below each folder that contains all of them."""
         results = []
         for depth in range(4):
             parts = [PurePath(name).parts for name in names]

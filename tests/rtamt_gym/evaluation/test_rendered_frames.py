@@ -1,4 +1,4 @@
-"""The worst episodes of an evaluation have pictures where the environment renders."""
+"""The worst episodes of an evaluation have pictures if the environment renders."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def decoded(frame: Frame) -> Any:  # noqa: ANN401
 
 
 def step_of(frame: Frame) -> int:
-    """The step that a picture shows."""
+    """Return the step of a picture."""
     return round(float(decoded(frame).mean()) / 3)
 
 
@@ -78,7 +78,7 @@ def test_pictures_are_spread_and_show_the_violation_and_the_end(
     shown = [step_of(frame) for frame in frames]
     assert [frame.time for frame in frames] == [0.5 * step for step in shown]
     wanted = {steps} if violation is None else {violation, steps}
-    # An episode whose length is known has as many as may be, and every other at least half.
+    # An episode of known length has the maximum number of pictures, and every other at least half.
     gap = -(-(steps + 1) // 22)
     gaps = [gap] if stop == "end" else range(1, 2 * gap + 1)
     assert shown in [sorted({*range(0, steps + 1, gap), *wanted}) for gap in gaps]
@@ -185,7 +185,7 @@ def test_with_substeps_a_picture_has_the_time_of_its_step() -> None:
 
 
 class Failing(Shown):
-    """Cannot be rendered from a step on."""
+    """An environment that cannot be rendered from a step on."""
 
     until = 3
 

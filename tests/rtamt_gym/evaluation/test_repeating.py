@@ -1,4 +1,4 @@
-"""Seeds that do not repeat episodes are noticed, told, kept in files, and no pairs."""
+"""Seeds that do not repeat episodes are detected, reported, stored in files, and not paired."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def wild(**options: Any) -> tuple[Evaluation, list[str]]:  # noqa: ANN401
 
 
 class Written(Blink):
-    """Writes each observation into the array of the one before."""
+    """An environment that writes each observation into the same array."""
 
     shown = np.zeros(1)
 

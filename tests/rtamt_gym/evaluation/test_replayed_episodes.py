@@ -1,4 +1,4 @@
-"""Worst episodes that are played again are compared with the record."""
+"""Repeated worst episodes are compared with the record."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STOPS: list[Any] = ["end", "violation", "decided", "known", "verdicts"]
 
 
 class Line(gym.Env[Any, Any]):
-    """Observes the action; episodes take four steps, and every reset begins at 0."""
+    """Observes the action; episodes take four steps, and every reset starts at 0."""
 
     observation_space = spaces.Box(-99.0, 99.0, (1,), np.float64)
     action_space = spaces.Box(-99.0, 99.0, (1,), np.float64)
@@ -41,13 +41,13 @@ class Line(gym.Env[Any, Any]):
 
 
 def drifting() -> Any:  # noqa: ANN401
-    """A policy with numbers of its own: each action is greater than all before."""
+    """Return a policy with its own numbers: each action is larger than all before."""
     numbers = count(1)
     return lambda _: np.array([next(numbers) / 10])
 
 
 class Seeded:
-    """A policy whose numbers the seed of the episode chooses."""
+    """A policy whose numbers depend on the seed of the episode."""
 
     def __init__(self, seed: int) -> None:
         self.generator = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ def told_by(policy: Any, env: Any, **options: Any) -> tuple[Evaluation, list[str
 @pytest.mark.parametrize("keep", [1, 3])
 def test_policy_with_numbers_of_its_own_does_not_repeat(keep: int, tmp_path: Path) -> None:
     found, told = told_by(drifting(), Line(), keep=keep)
-    # The last of nine episodes has the actions 3.3 to 3.6; it is played again with 3.7 to 4.0.
+    # The last of nine episodes has the actions 3.3 to 3.6; it is repeated with 3.7 to 4.0.
     (message,) = told
     assert message == (
         "episode 8 of Line does not repeat: low had robustness -0.6 (VIOLATED), and -1 (VIOLATED) "
@@ -113,7 +113,7 @@ def test_vector_environments_are_compared_too() -> None:
 
 def test_replay_of_another_episode_warns() -> None:
     found, told = told_by(drifting(), Line(), keep=0)
-    assert (told, found.repeats) == ([], True)  # nothing was played again
+    assert (told, found.repeats) == ([], True)  # no episode was repeated
     with pytest.warns(UnrepeatedSeedWarning, match="episode 2 of Line does not repeat"):
         found.replay(2)
 

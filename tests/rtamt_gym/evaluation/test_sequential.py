@@ -22,7 +22,7 @@ Stop = tuple[Width | RatioTest, Floats]
 
 
 def stops(rule: Width | RatioTest, rates: Floats, most: int = 3000) -> list[Stop]:
-    """Every end of a rule with its chance at each rate, by walking over all counts at once."""
+    """Return every end of a rule with its probability at each rate, from all counts at once."""
     found: list[Stop] = []
     alive = {0: (rule, np.ones(len(rates)))}
     for _ in range(most):
@@ -61,7 +61,7 @@ def test_both_errors_are_at_most_alpha(target: float, alpha: float, margin: floa
     assert met + fell == pytest.approx(1.0)
     assert 0.0 < met[0] <= alpha
     assert 0.0 < fell[1] <= alpha
-    # They are no smaller than they must be: the walk leaves its bounds by less than a step.
+    # They are not smaller than necessary: the walk leaves its bounds by less than a step.
     assert met[0] > alpha / 2
     assert fell[1] > alpha / 2 * (1 - target) / (1 - target + margin)
 
@@ -76,7 +76,7 @@ def test_the_mean_number_of_episodes_is_that_of_wald(
     found = stops(RatioTest(target, alpha, margin), rates)
     length = mean(found, lambda rule: rule.episodes)
     drift = rates * gain + (1 - rates) * loss
-    # His equation holds exactly for the walk as it ends, beyond its bounds,
+    # His equation holds exactly for the walk at its end, beyond its bounds,
     reached = mean(found, lambda r: r.satisfied * gain + (r.episodes - r.satisfied) * loss)
     assert length * drift == pytest.approx(reached, rel=1e-6)
     # and so nearly for the bounds themselves, less than a step before.

@@ -1,4 +1,4 @@
-"""Tables of evaluations and comparisons, as they stand in a terminal of 80 columns."""
+"""Tables of evaluations and comparisons, in a terminal of 80 columns."""
 
 import math
 from contextlib import redirect_stdout
@@ -73,7 +73,7 @@ def test_the_row_of_all_requirements_is_named_whole_beside_all_columns() -> None
     heights = [-1.23456e-7, FAILED, -123456.7]
     mixed = evaluation_of({"near": heights, LONG: heights}, undecided=[2])
     _, head, _, long, every = evaluation_table(mixed).splitlines()[2:7]
-    assert head.split()[-4:] == ["violated", "open", "failed", "median"]  # no room for the least
+    assert head.split()[-4:] == ["violated", "open", "failed", "median"]  # no space for the minimum
     assert "..." in long
     assert every.startswith("all  ")
 

@@ -1,4 +1,4 @@
-"""Waveforms: their values, which of them a step gets, and what they refuse."""
+"""Waveforms: their values, the value of a step, and errors."""
 
 import pickle
 from collections.abc import Callable
@@ -94,7 +94,7 @@ def test_pieces_start_exactly_at_steps(period: Fraction, points: int, length: in
 
 
 def test_rounding_stays_in_range() -> None:
-    just_before = float(np.nextafter(1.0, 0.0))  # the cubic alone is 2e-16 beside 0.1 there
+    just_before = float(np.nextafter(1.0, 0.0))  # the cubic alone differs from 0.1 by 2e-16 there
     for sign in (1, -1):
         waveform = Waveform([0, 1, 2], [sign * 0.9, sign * 0.1, sign * 0.6], "pchip")
         assert waveform(just_before) == sign * 0.1

@@ -1,4 +1,4 @@
-"""Infos of many environments from before a reset: each has those of its own episode."""
+"""Infos of many environments from before a reset: each has its own episode."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ numbers: st.SearchStrategy[Info] = st.dictionaries(
 
 @st.composite
 def entries(draw: st.DrawFn) -> Info:
-    """The info of an environment, which may have another inside."""
+    """Infos of an environment, which may contain another."""
     info, inner = draw(numbers), draw(st.none() | numbers)
     return info if inner is None else {**info, "inner": inner}
 
 
 def together(infos: Sequence[Info | None]) -> Info:
-    """The infos of the environments that have some, as Gymnasium joins them."""
+    """Return the infos of some environments, joined as in Gymnasium."""
     envs: VectorEnv[Any, Any, Any] = VectorEnv()
     envs.num_envs = len(infos)
     found: Info = {}
@@ -38,7 +38,7 @@ def together(infos: Sequence[Info | None]) -> Info:
 
 
 def alone(infos: Mapping[str, Any], number: int) -> Info:
-    """The info of one environment."""
+    """Return the info of one environment."""
     assert all(key[1:] in infos for key in infos if key.startswith("_"))
     return {
         key: alone(value, number) if isinstance(value, Mapping) else value[number]

@@ -1,4 +1,4 @@
-"""Requirements whose operands read the first sample only are refused, with both readings."""
+"""Requirements whose operands read only the first sample are refused, with both readings."""
 
 import re
 
@@ -57,7 +57,7 @@ def test_loose_operand_error(text: str, every: str) -> None:
     for way_out in written.groups():
         require_whole_episode("it", rtamt.parse(way_out), "--view step")
     rng = np.random.default_rng(0)
-    for _ in range(40):  # the second way out means the same at the first sample
+    for _ in range(40):  # the second suggestion is equal at the first sample
         trace = {name: rng.integers(-2, 3, 3) for name in "xyz"}
         same = [rtamt.evaluate(each, trace, period=1)[0] for each in (text, written[2])]
         assert rtamt.holds(same[0]) == rtamt.holds(same[1])

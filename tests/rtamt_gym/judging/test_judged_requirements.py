@@ -1,4 +1,4 @@
-"""Every requirement of a text is judged by itself, wherever specifications are taken."""
+"""Every requirement of a text is judged separately, in all functions that take specifications."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SIGNALS = {"angle": "obs[2]", "x": "obs[0]"}
 
 
 def infos(env: Any) -> list[dict[str, Any]]:  # noqa: ANN401
-    """The infos of an episode with one action."""
+    """Return the infos of an episode with one action."""
     found = [env.reset(seed=2)[1]]
     done = False
     while not done:

@@ -1,4 +1,4 @@
-"""What is judged is checked and compiled once, before the first simulation."""
+"""Requirements are checked and compiled once, before the first simulation."""
 
 import gc
 import sys
@@ -42,7 +42,7 @@ def push(_obs: object) -> int:
 
 
 class Endless(gym.Env[Any, Any]):
-    """Ends after as many steps as its attribute says."""
+    """Ends after a number of steps that is an attribute."""
 
     observation_space = gym.spaces.Box(-1, 1, (2,))
     action_space = gym.spaces.Discrete(2)
@@ -270,7 +270,7 @@ def test_sample_needs_at_most_one_call(several: bool) -> None:  # noqa: FBT001
 
         case = {"env.length": steps}
         gc.collect()
-        gc.disable()  # what other tests left behind is not ended in between
+        gc.disable()  # objects of other tests must not be freed in between
         sys.setprofile(count)
         try:
             ((_, trial),) = runner.run([case], [1])

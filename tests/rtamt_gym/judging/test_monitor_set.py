@@ -1,4 +1,4 @@
-"""The monitors of several specifications: updated in one call or one by one; what they know."""
+"""The monitors of several specifications: updated in one call or one by one, and their results."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPECS = st.lists(formulas(depth=2, endless=True), min_size=1, max_size=3).map(
 
 
 class Played(gym.Env[Any, Any]):
-    """Observes a trace; the variable c is in the info, where a reset of it says nothing."""
+    """Observes a trace; the variable c is in the info, but not at a reset."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     action_space = spaces.Discrete(2)
@@ -60,11 +60,11 @@ class Played(gym.Env[Any, Any]):
 
 
 class Passing(gym.Wrapper[Any, Any, Any, Any]):
-    """Changes nothing."""
+    """A wrapper without an effect."""
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - an info
-    """An info, its numbers as bits."""
+    """Return an info with its numbers as bits."""
     if isinstance(value, dict):
         return {key: plain(each) for key, each in value.items()}
     if isinstance(value, float):
@@ -73,7 +73,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - an info
 
 
 def played(env: gym.Env[Any, Any], steps: int) -> list[Any]:
-    """What two episodes show; the second goes on in a copy and in a pickle."""
+    """Return the results of two episodes; the second continues in a copy and in a pickle."""
     found = []
     for _ in range(2):
         _, info = env.reset(seed=1)

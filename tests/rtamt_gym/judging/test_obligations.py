@@ -1,4 +1,4 @@
-"""Clocks and margins of temporal operators: equal to their definition, and enough to judge by."""
+"""Clocks and margins of temporal operators: equal to their definition, and sufficient to judge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Pattern = tuple[str, list[Expected]]
 
 
 def window(draw: Any, least: int = 0) -> tuple[int, int | None, str]:  # noqa: ANN401
-    """The begin and the end of a window, and its text."""
+    """The start and the end of a window, and its text."""
     begin = draw(st.integers(least, 3))
     end = draw(st.none() | st.integers(begin, begin + 4))
     if end is None:
@@ -34,7 +34,7 @@ def window(draw: Any, least: int = 0) -> tuple[int, int | None, str]:  # noqa: A
 
 @st.composite
 def single(draw: Any) -> Pattern:  # noqa: ANN401
-    """One operator below the top, asked everywhere, where r holds, or at the first sample."""
+    """One operator below the top, triggered everywhere, where r holds, or at the first sample."""
     name = draw(st.sampled_from(["eventually", "always", "until", "unless"]))
     begin, end, text = window(draw)
     two = name in {"until", "unless"}
@@ -68,7 +68,7 @@ def single(draw: Any) -> Pattern:  # noqa: ANN401
 
 @st.composite
 def nested(draw: Any) -> Pattern:  # noqa: ANN401
-    """An operator in the window of another: what is read of it comes late."""
+    """An operator in the window of another one: its values are late."""
     outer, inner = draw(st.tuples(*[st.sampled_from(["eventually", "always"])] * 2))
     begin, end, text = window(draw)
     first, last = draw(st.sampled_from([(0, 0), (0, 2), (1, 3)]))
@@ -78,7 +78,7 @@ def nested(draw: Any) -> Pattern:  # noqa: ANN401
         st.sampled_from([("always({})", None), (f"always({R} implies {{}})", R)]),
     )
     kind = "newest" if outer == "always" else "oldest"
-    # Below always every instant of the inner counts, below eventually one is enough.
+    # Below always every instant of the inner operator counts, below eventually one is enough.
     kind_below = "newest" if inner == outer else "oldest"
     return whole.format(formula), [
         Expected(formula, outer, kind, begin, end, (below,), asked),
@@ -102,7 +102,7 @@ def past(draw: Any) -> Pattern:  # noqa: ANN401
 
 @st.composite
 def both_ways(draw: Any) -> Pattern:  # noqa: ANN401
-    """An operator that is to hold where r holds, or does not, and is to fail elsewhere."""
+    """An operator that must hold if r holds (or not), and must fail otherwise."""
     name = draw(st.sampled_from(["eventually", "always", "until", "unless"]))
     begin, end, text = window(draw)
     two = name in {"until", "unless"}
@@ -191,7 +191,7 @@ def test_clocks_and_margins_match_the_oracle(
 def test_environments_have_own_clocks(
     pattern: Pattern, rows: list[tuple[float, ...]], seed: int
 ) -> None:
-    """Masks and resets of some environments leave the others as they are."""
+    """Masks and resets of some environments do not change the others."""
     text, _ = pattern
     rng = np.random.default_rng(seed)
     num = 3
@@ -252,10 +252,10 @@ NOT_ENOUGH = [
 
 
 def told_apart(text: str) -> bool:
-    """Whether two histories that look the same have futures that are not.
+    """Return whether two equal-looking histories have different futures.
 
-    Random histories of different lengths go on in the same ways; those whose verdict and clocks
-    are the same, and whose last margins have the same signs, must get the same verdicts.
+    Random histories of different lengths continue in the same ways. If verdict and clocks are
+    equal, and the last margins have the same signs, the verdicts must be equal.
     """
     entries, longest, ahead, ways = 1000, 9, 7, 25
     rng = np.random.default_rng(5)

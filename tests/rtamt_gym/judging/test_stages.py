@@ -1,4 +1,4 @@
-"""Progress in stages: its laws, its definition written down once more, and its errors."""
+"""Progress in stages: its laws, an independent definition, and its errors."""
 
 import math
 import pickle
@@ -29,7 +29,7 @@ from rtamt_gym.judging.vector_monitor_set import VectorMonitorSet
 from rtamt_gym.options.evaluation import EvaluationOptions
 
 READS = rtamt.parse("always(a + b + c > 1e9)").formula
-"""Does not matter to a disjunction, and reads every variable."""
+"""Has no effect on a disjunction, and reads every variable."""
 
 TASK = rtamt.parse("near = a > 0; limit = 2; eventually always[0:1](near and b >= limit and c > 0)")
 
@@ -38,7 +38,7 @@ both_kinds = pytest.mark.parametrize("kind", ["shape", "named"])
 
 
 class Task(NamedTuple):
-    """A requirement, its stages, what decides them, and the options that name them."""
+    """A requirement, its stages, their deciding formulas, and the options that name them."""
 
     formula: Formula
     stages: list[Formula]
@@ -50,25 +50,25 @@ class Task(NamedTuple):
         return Specification.of(self.formula)
 
     def expected(self, rows: Rows, end: End | None) -> list[float]:
-        """The progress after every sample, and after the end."""
+        """Return the progress after every sample, and after the end."""
         return progress(self.formula, self.stages, self.deciders, rows, end)
 
 
 @st.composite
 def conditions(draw: st.DrawFn) -> list[Formula]:
-    """Stages, all with or all without operators of time."""
+    """Stages, all with or all without temporal operators."""
     return draw(st.lists(formulas(draw(st.integers(0, 1))), min_size=2, max_size=4))
 
 
 @st.composite
 def requirements(draw: st.DrawFn) -> Formula:
-    """A requirement of any shape that a goal can have."""
+    """Requirements of any shape that a goal can have."""
     return draw(formulas(1)).eventually() | READS
 
 
 @st.composite
 def tasks(draw: st.DrawFn, kind: Kind) -> Task:
-    """A requirement whose shape has stages, or of any shape with named stages."""
+    """Requirements whose shape has stages, or of any shape with named stages."""
     wanted = draw(conditions())
     if kind == "shape":  # with and without a time for each stage
         formula = in_order(*wanted, within=draw(st.sampled_from([None, 1, 3])))
@@ -83,7 +83,7 @@ def rows_of(trace: Trace) -> list[tuple[float, ...]]:
 
 
 def fed(monitor_set: MonitorSet, rows: Rows) -> list[float]:
-    """The progress after every sample."""
+    """Return the progress after every sample."""
     feed = monitor_set.feeder(NAMES)
     values = []
     for row in rows:
@@ -95,7 +95,7 @@ def fed(monitor_set: MonitorSet, rows: Rows) -> list[float]:
 def played(
     spec: Specification, rows: Rows, end: End = "complete", reading: EvaluationOptions | None = None
 ) -> list[float]:
-    """The progress in one environment, after every sample and after the end."""
+    """Return the progress in one environment, after every sample and after the end."""
     monitor_set = MonitorSet({"task": spec}, reading or EvaluationOptions())
     values = fed(monitor_set, rows)
     monitor_set.finish(end)
@@ -217,12 +217,12 @@ def test_reset_forgets_held_values() -> None:
 def test_stage_starts_after_the_previous_stage() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually(b > 0 and eventually(c > 0)))")
     rows = [
-        (-4, -4, -4),  # a sets out at -4
-        (-1, 9, 9),  # three quarters of the way to stage 1; b and c are too early
-        (1, -2, 3),  # stage 1; b sets out at -2
+        (-4, -4, -4),  # a starts at -4
+        (-1, 9, 9),  # three quarters of stage 1; b and c are too early
+        (1, -2, 3),  # stage 1; b starts at -2
         (0, -1, 1),
         (0, 0, 1),  # b > 0 does not hold at 0, however near it is
-        (0, 1, -9),  # stage 2; c sets out at -9, although it held before
+        (0, 1, -9),  # stage 2; c starts at -9, although it held before
         (0, 0, 1),
     ]
     thirds = [0, 0.75, 1, 1.5, 2, 2, 3, 3]
@@ -235,7 +235,7 @@ def test_stage_starts_after_the_previous_stage() -> None:
 def test_end_mode_decides_stages() -> None:
     spec = rtamt.parse("eventually(a > 0 and eventually always[0:3](b > 0))")
     rows = [(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
-    almost = math.nextafter(1.0, 0.0)  # what is seen holds, and is not certain
+    almost = math.nextafter(1.0, 0.0)  # the past holds, but is not certain
     assert played(spec, rows, "complete") == [almost, almost, 1.0]
     assert played(spec, rows, "cut") == [almost, almost, almost]
     columns = {"a": np.ones(2), "b": np.ones(2)}
@@ -340,7 +340,7 @@ def test_named_stages_equal_found_stages(wanted: list[Formula], trace: Trace) ->
 def test_event_progress_matches_samples(
     whole: Formula, wanted: list[Formula], trace: Trace, data: st.DataObject
 ) -> None:
-    """A value is left out where it is that of the sample before; times are any that increase."""
+    """A value equal to the previous sample is omitted; times may be any that rise."""
     n = length(trace)
     steps = data.draw(st.lists(st.sampled_from([0.1, 0.5, 3.0]), min_size=n, max_size=n))
     times = np.cumsum(steps)

@@ -35,7 +35,7 @@ def evaluation(policy: Any, bound: float = 0.12, **more: Any) -> Evaluation:  # 
 
 
 def by_hand(policy: Any) -> list[tuple[bool, bool, int, float, float]]:  # noqa: ANN401
-    """Of each episode: near, upright, length, the time of the first sample not near, its margin."""
+    """Return near, upright, length, first time not near and its margin of each episode."""
     result = []
     env = cart()
     for seed in range(50, 62):
@@ -105,9 +105,9 @@ TRAININGS, TESTS = 400, 20
 
 
 def share_that_stops(rate: float, alpha: float) -> float:
-    """The share of trainings that stop, in each of which so many policies are tested.
+    """Return the share of trainings that stop, each with a number of tested policies.
 
-    That every policy is tested, whatever an evaluation has said before, is the worst case.
+    The worst case tests every policy, for any result of the evaluation before.
     """
     rng = np.random.default_rng(7)
     stopped = 0

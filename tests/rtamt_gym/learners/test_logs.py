@@ -32,7 +32,7 @@ METRICS: Points = {
 
 
 def write_csv(path: Path, points: Points, counter: str = "time/total_timesteps") -> None:
-    """A file as Stable-Baselines3 writes it: a row for each step, empty cells for no value."""
+    """Write a file like Stable-Baselines3: a row for each step, empty cells without a value."""
     steps = sorted({step for pairs in points.values() for step, _ in pairs})
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
@@ -56,7 +56,7 @@ def field(number: int, content: bytes) -> bytes:
 
 
 def event(step: int, tag: str, value: float, *, tensor: bool) -> bytes:
-    """A record of an event file, with checks that nobody reads."""
+    """Return a record of an event file, with unused checksums."""
     entry = field(1, tag.encode())
     number = struct.pack("<f", value)
     if tensor:
@@ -236,7 +236,7 @@ def test_what_is_left_out_has_a_note(
     write_csv(tmp_path / "a" / "progress.csv", METRICS)
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "progress.csv").write_text(content)
-    (tmp_path / "b" / "other.csv").write_text("name;value\n1;abc\n")  # no log of training
+    (tmp_path / "b" / "other.csv").write_text("name;value\n1;abc\n")  # not a training log
     notes = list[str]()
     training_logs(tmp_path, notes)
     assert [str(tmp_path / "b" / "progress.csv") in n and note in n for n in notes] == [True]

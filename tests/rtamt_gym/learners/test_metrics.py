@@ -41,18 +41,18 @@ episodes = st.fixed_dictionaries({name: outcomes() for name in NAMES})
 
 
 def least(values: list[float], share: float) -> float:
-    """The least of the values that at least this share of them does not exceed."""
+    """Return the smallest value that at least this share of the values does not exceed."""
     return min(v for v in values if sum(w <= v for w in values) >= share * len(values))
 
 
 def interval(prefix: str, count: int, number: int) -> dict[str, float]:
-    """The exact interval of a share, by the distribution of SciPy."""
+    """Return the exact interval of a share, by the distribution of SciPy."""
     found = binomtest(count, number).proportion_ci(0.95, "exact")
     return {f"{prefix}satisfied_low": found.low, f"{prefix}satisfied_high": found.high}
 
 
 def by_hand(found: list[dict[str, Any]], period: float) -> dict[str, float]:
-    """The metrics, one list at a time."""
+    """Return the metrics, one list at a time."""
     number = len(found)
     good = [each for each in found if each["near"]["satisfied"] and each["far"]["satisfied"]]
     metrics = {"satisfied": len(good) / number, **interval("", len(good), number)}
@@ -139,7 +139,7 @@ def cart() -> gym.Env[Any, Any]:
 
 
 def each_alone(seed: int, actions: list[Any], num: int) -> list[dict[str, Any]]:
-    """The last infos' outcomes, in the order of their ends: each environment by itself."""
+    """Return the outcomes of last infos in the order of their ends, for each environment alone."""
     found = []
     for i in range(num):
         env = wrapped(cart())

@@ -45,7 +45,7 @@ def curves(judges: dict[str, rtamt.EpisodeMonitor]) -> list[float]:
 
 @given(st.lists(st.lists(values, min_size=1, max_size=6), min_size=1, max_size=4), st.booleans())
 def test_rows_are_monitors(episodes: list[list[float]], read: bool) -> None:  # noqa: FBT001
-    """Whether the track reads the monitors or gets their values."""
+    """A track may read the monitors or get their values."""
     shown = Track("", ["x"], NAMES, 0.5, lambda: None)
     judges = monitors()
     expected: list[tuple[float, ...]] = []

@@ -1,4 +1,4 @@
-"""A program with its own loop is monitored inside `mj_step`, without any traces afterwards."""
+"""A program with its own loop is monitored inside `mj_step`, and unchanged afterwards."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_forwards_in_between_are_no_samples() -> None:
 
 
 def try_state(model: Any, data: Any) -> None:
-    """Evaluate another state and put the old one back, as inverse kinematics does."""
+    """Evaluate another state and restore the old one, as inverse kinematics does."""
     old = data.qpos.copy()
     data.qpos[:] = 5.0
     mujoco.mj_forward(model, data)
@@ -206,7 +206,7 @@ def test_other_simulations_are_left_alone() -> None:
     seen: list[float] = []
 
     def look(_model: Any, data: Any) -> float:
-        # Late after a step, in time inside of the next one.
+        # Late after a step, in time inside the next one.
         seen.append(float(data.site("grip").xpos[2]))
         return 0.0
 
@@ -237,7 +237,7 @@ def test_two_monitors_may_be_attached() -> None:
 
 
 def nothing(_model: Any, _data: Any) -> None:
-    """A controller that does nothing."""
+    """A controller without an effect."""
 
 
 @pytest.mark.parametrize("before", [None, nothing])

@@ -1,4 +1,4 @@
-"""Simulation and monitors continue from snapshots as before, bit for bit."""
+"""Simulation and monitors continue from snapshots as before, bit by bit."""
 
 import pickle
 from typing import Any
@@ -21,7 +21,7 @@ def monitored(integrator: str, view: View = "episode", *, forward: bool = False)
 
 
 def played(monitor: StepMonitor, controls: np.ndarray[Any, Any]) -> list[Any]:
-    """All that a run shows."""
+    """Return all results of a run."""
     shown = []
     for control in controls:
         monitor.data.ctrl[0] = control

@@ -37,7 +37,7 @@ SIGNALS = {
 
 
 def looks(model: Any) -> dict[str, Callable[[Any], float]]:
-    """What the signals mean, read as one reads it without selectors."""
+    """Return the values of the signals, read without selectors."""
     pair = {model.geom("skin").id, model.geom("floor").id}
     return {
         "angle": lambda d: d.qpos[0],
@@ -160,7 +160,7 @@ def test_what_is_derived_is_late_by_a_step_unless_it_is_derived_again(integrator
         now = height(late.data)
         assert fresh.values == {"seen": now, "sensed": now}
         assert late.values["sensed"] == before != now
-        # Under RK4 positions come from a state that was only tried.
+        # Under RK4, positions come from an intermediate state.
         assert (late.values["seen"] == before) == (integrator != "RK4")
         assert late.values["seen"] != now
         before = now

@@ -34,7 +34,7 @@ def disturbed(data: Any, model: Any, how: str) -> None:
 def test_a_simulation_that_leaves_its_course_is_noticed_within_16_samples(
     integrator: str, how: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log about what is unstable
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log about instabilities
     model, data = arm(integrator)
     monitor = StepMonitor(model, data, "always(x < 9)", X)
     monitor.run(0.2)

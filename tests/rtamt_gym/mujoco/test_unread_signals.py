@@ -18,7 +18,7 @@ READ = {"angle": "joint:shoulder.qpos"}
 
 
 def counted(count: list[float]) -> dict[str, Any]:
-    """Signals around the one that is read; the last counts how often it is called."""
+    """Return signals around the one that is read; the last counts its calls."""
 
     def calls(_model: Any, data: Any) -> float:
         count.append(float(data.time))

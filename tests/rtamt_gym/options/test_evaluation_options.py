@@ -136,7 +136,7 @@ def test_option_conflicts_with_monitor(option: str, value: object) -> None:
     for own in OTHERS[option]:
         over: dict[str, Any] = {option: value}
         has = EvaluationOptions(**{option: own}).complete("runs")
-        if EvaluationOptions(**over) == has or value is None:  # which is what a monitor says
+        if EvaluationOptions(**over) == has or value is None:  # as a monitor sets it
             assert EvaluationOptions(**over).over(has, "a", "b") == has
         else:
             with pytest.raises(rtamt.InputError, match=f"^{option}= comes from a, which has "):
@@ -158,7 +158,7 @@ def test_equal_options_in_other_forms(has: dict[str, Any], got: dict[str, Any]) 
     )
 
 
-# In each, the option that is given equals its default, and the monitor has another.
+# In each, the given option equals its default, and the monitor has another.
 GRAVITY = [Parameter("env.gravity", 9, 10)]
 DEFAULTS = [("view", "step"), ("semantics", "boolean"), ("at_truncation", "open"), ("nan", "hold")]
 

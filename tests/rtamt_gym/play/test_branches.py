@@ -21,7 +21,7 @@ from rtamt_gym.results import Run, Snapshot
 
 SIGNALS: dict[str, Any] = {
     **BOXES_SIGNALS,
-    "rod": "joint:rod.qpos",  # read by no specification
+    "rod": "joint:rod.qpos",  # no specification reads it
     "clock": lambda _model, data: data.time,
 }
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -37,7 +37,7 @@ def monitored(
 
 
 def pushes(model: Any, data: Any) -> None:  # noqa: ANN401
-    """A policy that reads what is late too."""
+    """A policy that also reads late values."""
     data.ctrl[0] = 0.7 + 0.3 * np.sin(40 * data.time) + data.sensordata[0] + 0 * model.nq
 
 
@@ -47,7 +47,7 @@ def harder(model: Any, data: Any) -> None:  # noqa: ANN401
 
 
 def all_of(monitor: StepMonitor) -> Any:  # noqa: ANN401
-    """All that a monitor and its simulation show, what MuJoCo derives too."""
+    """Return all results of a monitor and its simulation, also values derived by MuJoCo."""
     data = monitor.data
     state = np.empty(mujoco.mj_stateSize(monitor.model, FULL))
     mujoco.mj_getState(monitor.model, data, state, FULL)
@@ -64,7 +64,7 @@ def all_of(monitor: StepMonitor) -> Any:  # noqa: ANN401
 
 
 def by_hand(monitor: StepMonitor, steps: int, policy: Any) -> list[Any]:  # noqa: ANN401
-    """What a run of a monitor must hold: values, robustness and bounds at each sample."""
+    """Return the expected results of a run: values, robustness and bounds at each sample."""
     shown = []
     for step in range(steps + 1):
         if step:
@@ -76,7 +76,7 @@ def by_hand(monitor: StepMonitor, steps: int, policy: Any) -> list[Any]:  # noqa
 
 
 def rows(run: Run) -> list[Any]:
-    """The same of a run."""
+    """Return the same from a run."""
     values = np.array(list(run.signals.values())).T.tolist()
     curves = [zip(c.robustness, c.lower, c.upper, strict=True) for c in run.histories.values()]
     return [(v, list(c)) for v, c in zip(values, zip(*curves, strict=True), strict=True)]
@@ -107,7 +107,7 @@ def test_a_run_goes_on_as_the_loop_of_the_monitor_does(
         assert course.decided_at == looped.outcomes[name].get("decided_at")
         assert course.final == looped.outcomes[name]["robustness"]
     assert (run.system, run.view, run.label, run.limit) == ("boxes", view, "pushed", 60)
-    assert by_hand(ran, 9, harder) == by_hand(looped, 9, harder)  # both go on
+    assert by_hand(ran, 9, harder) == by_hand(looped, 9, harder)  # both continue
 
 
 def test_a_monitor_that_has_no_sample_begins_with_sample_0() -> None:
@@ -129,7 +129,7 @@ def test_a_run_stops_as_others_do(stop: Any) -> None:  # noqa: ANN401
     run = simulate(monitor, policy=harder, duration=1.8, stop=stop)
     assert (run.ended, run.last_sample) == (whole.ended, whole.last_sample)
     assert monitor.samples == whole.last_sample + 1
-    # A run that is over when it begins shows where it stands.
+    # A run that is over at its start shows its state.
     again = simulate(monitor, policy=harder, duration=1.8, stop=stop)
     assert (again.steps == 0) == (stop != "end")
 
@@ -215,7 +215,7 @@ def test_an_error_in_a_branch_changes_nothing_and_carries_the_branch() -> None:
         cut.histories,
         ["error.run holds 11 samples, up to 0.25 s"],
     )
-    # A monitor that runs on stands at the last sample, and can go on.
+    # A monitor after a run is at the last sample, and can continue.
     with pytest.raises(ZeroDivisionError):
         simulate(monitor, policy=fail, duration=1)
     assert monitor.samples == 51

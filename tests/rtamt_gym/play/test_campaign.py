@@ -1,4 +1,4 @@
-"""The record of a campaign is the same for any workers, and its folder belongs to it alone."""
+"""The record of a campaign is the same for any workers, and its folder belongs only to it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_record_is_the_same_on_any_number_of_processes_in_environments_or_no
 
 
 class Registered(gym.Env[Any, Any]):
-    """What is registered in this program alone: it observes its reward and its seed."""
+    """An environment that only this program registers: it observes its reward and its seed."""
 
     observation_space = gym.spaces.Box(-1e9, 1e9, (2,))
     action_space = gym.spaces.Discrete(1)
@@ -63,7 +63,7 @@ class Registered(gym.Env[Any, Any]):
 def registered(reward: float = 3) -> Runner:
     name = "RegisteredHere-v0"
     gym.registry.pop(name, None)
-    entry: Any = Registered  # which no other process can import
+    entry: Any = Registered  # no other process can import it
     gym.register(name, entry)
     env = gym.make(name, reward=reward, max_episode_steps=5, disable_env_checker=True)
     signals: Any = {"r": "obs[0]", "x": lambda step: step.obs[1]}
@@ -149,7 +149,7 @@ def test_libraries_of_a_process_start_no_more_threads_than_there_are_cores_for(
     for jobs in (1, 2, 64):
         with chosen_workers(None, jobs) as (count, item):
             assert (count, item) == (jobs, max(1, joblib.cpu_count() // jobs))
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")  # what the user says holds
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")  # the user's value counts
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     runner = Runner(threads, {"dry": "always(level < 0)"}, period=1)
     tasks = [Task(i, Case({"variable": float(i)}), None) for i in range(2)]

@@ -35,7 +35,7 @@ def trial(value: float) -> Trial:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A campaign that was interrupted after two parts."""
+    """Return a campaign that was interrupted after two parts."""
     path = tmp_path / "runs"
     with opened(path) as made:
         made.add([(0, trial(1.0)), (2, trial(3.0))])

@@ -40,7 +40,7 @@ def test_a_run_that_dies_or_hangs_is_in_its_row_and_costs_no_other(tmp_path: Pat
     for row, trouble in zip(record, troubles, strict=True):
         if trouble in {HANGS, EXITS, KILLED}:
             assert (row.ended, row.outcomes, row.simulated) == ("error", {}, 0)
-        else:  # the one that died once does not any more
+        else:  # the run that died once now succeeds
             assert (row,) == run_campaign(runner, [(row.case, None)]).rows
 
 

@@ -32,11 +32,11 @@ BALL = """<mujoco model="ball"><worldbody><body pos="0 0 1"><freejoint/><geom si
 
 
 class CrashError(Exception):
-    """What no one expects."""
+    """An unexpected error."""
 
 
 class BareError(Exception):
-    """An error that takes no attributes."""
+    """An error without attributes."""
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(name)
@@ -55,12 +55,12 @@ def run_of(error: BaseException) -> Run:
 
 
 def told(run: Run) -> Any:  # noqa: ANN401
-    """What a run tells about the samples."""
+    """Return the report of a run on its samples."""
     return run.signals, run.histories, run.violated_by, run.period, run.view, run.first_sample
 
 
 def alike(left: Any, right: Any) -> bool:  # noqa: ANN401
-    """Whether two of the above are equal."""
+    """Return whether two reports are equal."""
     (signals, *rest), (others, *other_rest) = left, right
     return rest == other_rest and {name: values.tolist() for name, values in signals.items()} == {
         name: values.tolist() for name, values in others.items()
@@ -80,7 +80,7 @@ def test_the_run_of_an_error_is_that_of_the_samples_before_it(
     other: bool,  # noqa: FBT001
 ) -> None:
     rows = [sample(trace, i) for i in range(length(trace))]
-    rows += rows[: len(rows) == 1]  # a duration is a step at least
+    rows += rows[: len(rows) == 1]  # a duration is at least one step
     specs = {"it": formula if view == "step" else formula.always()}
     if other:
         specs["other"] = (~formula).always()

@@ -28,7 +28,7 @@ asked_points = st.lists(st.tuples(coordinates, coordinates, st.booleans()), min_
 
 
 def asks(points: Sequence[Sequence[float]]) -> Callable[..., None]:
-    """An optimizer that asks for these points."""
+    """An optimizer that requests these points."""
 
     def asking(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:  # noqa: ARG001 - an optimizer's
         evaluate(points)
@@ -39,7 +39,7 @@ def asks(points: Sequence[Sequence[float]]) -> Callable[..., None]:
 def searched(
     points: Sequence[tuple[float, float, bool]], formula: str, *, late: bool = False
 ) -> Falsification:
-    """A search over points, of which the marked ones fail, before or after a sample."""
+    """Search over points, of which the marked ones fail, before or after a sample."""
     calls = iter(points)
 
     def plant(x: float, y: float) -> Iterator[Mapping[str, float]]:
@@ -141,7 +141,7 @@ def test_rates_and_maps_of_a_sweep_are_of_judged_simulations(
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory."""
+    """Return the working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -249,7 +249,7 @@ def test_ctrl_c_prints_and_saves_what_was_found_so_far(more: list[str], folder: 
             if (folder / "waits").exists():
                 break
             rest(0.01)
-        (folder / "go").touch()  # what is saved may run a simulation again
+        (folder / "go").touch()  # a saved case may run a simulation again
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=100)
     output = out.splitlines()

@@ -1,4 +1,4 @@
-"""The loop of episodes: what it shares, restores and reports."""
+"""The loop of episodes: its shared state, its restores and its reports."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TASKS = [Task(i, Case({}), i) for i in range(5)]
 
 
 class Counting:
-    """An episode of as many steps as its number, plus one."""
+    """An episode with one step more than its number."""
 
     trace, wall, left, observation = None, 0.0, False, np.zeros(1)
 
@@ -49,7 +49,7 @@ class Counting:
 
 
 class Pair(PlayBatch):
-    """A batch of two places."""
+    """A batch of two entries."""
 
     size = 2
 

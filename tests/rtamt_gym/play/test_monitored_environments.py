@@ -38,7 +38,7 @@ def test_a_run_is_that_of_the_environment_without_the_monitor(kind: str) -> None
     violated = 0
     for seed in range(12):
         run = simulate(env, policy=acts(), seed=seed, stop="end")
-        assert run == plain(seed)  # its signals, courses and return among them
+        assert run == plain(seed)  # also its signals, histories and return
         violated += run.violated_by is not None
     assert violated > 2
 

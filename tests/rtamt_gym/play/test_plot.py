@@ -53,7 +53,7 @@ def run(period: Fraction | None = Fraction(1, 2), *, decided: bool = True) -> Ru
 
 
 def panel(of: Run) -> Axes:
-    """The panel of the specification."""
+    """Return the panel of the specification."""
     return draw([of]).axes[1]
 
 

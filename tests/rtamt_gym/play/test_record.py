@@ -33,7 +33,7 @@ OUTCOMES = st.builds(
 
 @st.composite
 def records(draw: st.DrawFn) -> Record:
-    """A record of parameters and waveforms, some of which a row may lack."""
+    """Records of parameters and waveforms, some of which a row may lack."""
     waves = {"u": ((0.0, 2.5), "hold"), "v": ((0.0, 0.1, 7.0), "pchip")}
     names = draw(st.lists(st.sampled_from(["safe", "a.b", "x(y)"]), unique=True, min_size=1))
     rows = []
@@ -71,7 +71,7 @@ def test_a_record_that_is_saved_and_loaded_is_the_same_to_the_last_bit(
     record.save(path)
     loaded = Record.load(path)
     assert loaded == record
-    # Also what equality does not compare: wall times and the signs of zeros.
+    # Also the parts that equality ignores: wall times and the signs of zeros.
     assert repr(loaded.columns()) == repr(record.columns())
 
 

@@ -1,4 +1,4 @@
-"""Saved cases: every kind of system runs again to the same bits, or has no name to save."""
+"""Saved cases: every kind of system runs again with the same bits, or has no name to save."""
 
 from __future__ import annotations
 

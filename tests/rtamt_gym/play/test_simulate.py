@@ -233,7 +233,7 @@ def test_a_generator_function_begins_anew_with_every_run() -> None:
 
 
 class Countdown:
-    """A system of one's own."""
+    """A user's own system."""
 
     name, period, needs_period, limit, endless = "countdown", 0.5, True, 9, False
     ended: SystemEnd = ""

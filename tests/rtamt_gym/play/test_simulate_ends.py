@@ -143,9 +143,9 @@ def test_a_fall_that_satisfies_an_invariant_is_told_where_nobody_has_said_what_i
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulate(env, "always(abs(x) < 1)", at_termination="complete", **named)
-        simulate(env, "eventually(x > 9)", **named)  # nothing is satisfied by the end
-        simulate(env, "eventually(abs(x) < 9)", **named)  # it was before
-        simulate([{"x": 1.0}], "always(x < 3)")  # there is no more to come
+        simulate(env, "eventually(x > 9)", **named)  # the end does not satisfy it
+        simulate(env, "eventually(abs(x) < 9)", **named)  # it was satisfied before
+        simulate([{"x": 1.0}], "always(x < 3)")  # the samples are complete
 
 
 def test_a_stopped_run_decides_nothing_more() -> None:

@@ -27,7 +27,7 @@ def ramp(t: float) -> dict[str, float]:
 
 
 class Learner:
-    """As those of Stable-Baselines3 are: called by `predict`."""
+    """A model as in Stable-Baselines3: called by `predict`."""
 
     def predict(self, _obs: object) -> tuple[int, None]:
         return 0, None

@@ -12,7 +12,7 @@ from environments import equal
 from rtamt import InputError
 from rtamt_gym import StlMonitor, simulate
 
-CASES = [  # steps of the simulation in one of the environment, and how long one of them takes
+CASES = [  # simulation steps per environment step, and their duration
     ("Hopper-v5", 4, 0.002, "body:torso.xpos[2]"),
     ("InvertedPendulum-v5", 2, 0.02, "qpos[1]"),
     ("highway_env:parking-v0", 3, 1 / 15, "vehicle.position[1]"),
@@ -40,7 +40,7 @@ def test_a_run_has_the_samples_of_the_wrapper(
         {"x": read, "u": ("action[0]", 0.0)},
         policy=random_actions(env, 5),
         seed=3,
-        duration=30.5 * frames * period,  # ends inside of a step
+        duration=30.5 * frames * period,  # ends inside a step
         stop="end",
         substeps=True,
     )
@@ -79,7 +79,7 @@ def test_a_time_limit_counts_the_steps_of_the_simulation(
 
 
 class Twice(gym.Wrapper[Any, Any, Any, Any]):
-    """Makes two steps in one."""
+    """An environment that makes two steps in one."""
 
     def step(self, action: Any) -> Any:  # noqa: ANN401
         self.env.step(action)
@@ -96,7 +96,7 @@ def test_a_monitor_in_the_environment_follows_beside_the_run(
         return StlMonitor(bare, SPEC, {"x": read}, substeps=True, details=True)
 
     def gentle(env: Any) -> Callable[[object], Any]:  # noqa: ANN401
-        """Actions that no episode ends by."""
+        """Return actions under which no episode ends."""
         act = random_actions(env, 5)
         return lambda obs: 0.01 * act(obs)
 
@@ -120,7 +120,7 @@ def test_a_monitor_in_the_environment_follows_beside_the_run(
     assert inside.samples == alone.samples == 4 * frames + 1
     assert inside.describe() == alone.describe()
     assert course.robustness[-1] == alone.describe()["spec"]["robustness"]
-    following = act(None)  # after the run it goes on by itself
+    following = act(None)  # after the run it continues by itself
     assert equal(inside.step(following), alone.step(following))
 
 

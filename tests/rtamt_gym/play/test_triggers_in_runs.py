@@ -34,7 +34,7 @@ ANGLE = {"angle": "obs[2]"}
 
 
 def judged(run: Run, name: str, end: End) -> rtamt.Judgement:
-    """The judgement of the samples of a run."""
+    """Return the judgement of the samples of a run."""
     course = run.histories[name]
     spec = course.specification
     whole = spec.always() if run.view == "step" else spec
@@ -51,7 +51,7 @@ def same(found: Outcome, expected: rtamt.Judgement) -> bool:
 
 
 def server(every: float = 3.0, late: float = 1.0) -> Iterator[dict[str, float]]:
-    """A server that is asked at every third step, and answers a step later."""
+    """A server with a request at every third step, and an answer a step later."""
     for i in range(20):
         yield {"req": 5.0 * (i % round(every) == 1), "gnt": 5.0 * ((i - late) % every == 1)}
 
@@ -94,7 +94,7 @@ def test_a_run_says_what_the_judgement_of_its_samples_says(
     if found.verdict is expected.verdict:
         assert same(found, expected)
         return
-    # The end alone violates it, so that an answer could be missing.
+    # Only the end violates it, so that an answer could be missing.
     assert (at_termination, found.verdict, found.vacuous) == ("failure", -1, False)
     assert found.triggers == tuple(replace(item, vacuous=False) for item in expected.triggers)
 

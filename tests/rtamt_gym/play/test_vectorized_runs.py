@@ -1,4 +1,4 @@
-"""Vectorized cases equal single cases to the last bit, also if they stop early."""
+"""Vectorized cases equal single cases bit by bit, also if they stop early."""
 
 from typing import Any, get_args
 
@@ -22,14 +22,14 @@ ENVIRONMENTS: dict[str, Any] = {}
 
 
 def environment(name: str) -> Any:  # noqa: ANN401
-    """An environment, made once."""
+    """Return an environment, created once."""
     if name not in ENVIRONMENTS:
         ENVIRONMENTS[name] = make(name)
     return ENVIRONMENTS[name]
 
 
 def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
-    """Spaces over some parameters of a scenario, and over all of its actions or over none."""
+    """Spaces over some parameters of a scenario, and over all of its actions or none."""
     scenario: Any = env.unwrapped.scenario  # type: ignore[attr-defined]  # of a scenario
     low, high = env.action_space.low, env.action_space.high  # type: ignore[attr-defined]  # a Box
     chosen = st.lists(st.sampled_from(scenario.parameters), unique=True, max_size=3)
@@ -79,7 +79,7 @@ def test_environments_are_single_runs_to_the_last_bit(data: st.DataObject) -> No
     assert list(one_by_one) == sorted(side_by_side)
     for index, row in one_by_one.items():
         assert row.error == ""
-        # The text too: it tells -0.0, which violates, from 0.0.
+        # The text too: it distinguishes -0.0, which violates, and 0.0.
         assert same(side_by_side[index], row)
 
 
@@ -88,7 +88,7 @@ def never(*_: object) -> Any:  # noqa: ANN401
 
 
 def same(one: Trial, other: Trial) -> bool:
-    """Whether two rows are equal to the last bit but for their wall times."""
+    """Return whether two rows are equal bit by bit, except for their wall times."""
     cells = [repr(row.columns() | {"wall": 0.0}) for row in (one, other)]
     return one == other and cells[0] == cells[1]
 
@@ -194,7 +194,7 @@ def test_waveforms_follow_the_period_that_is_given(period: float | str) -> None:
         assert {row.simulated for row in done.record} == {done.space.duration}
         records.append(done.record)
     assert records[0] == records[1]
-    # The period says how fast time goes by, not what is simulated.
+    # The period sets the speed of time, not the simulation.
     usual = sweep(
         "rtamt/RequestGrant-v0", "always(req < 3)", [request], samples=4, sampler="random"
     )

@@ -1,4 +1,4 @@
-"""Bags as recorders leave them: compressed, split, without an index, cut, of other versions."""
+"""Bags from recorders: compressed, split, without an index, cut, of other versions."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_unclosed_recording_error(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.bag", SAID)
     whole = path.read_bytes()
     at = whole.index(b"index_pos=") + len(b"index_pos=")
-    path.write_bytes(whole[:at] + bytes(8) + whole[at + 8 :])  # as while it is recorded
+    path.write_bytes(whole[:at] + bytes(8) + whole[at + 8 :])  # as during recording
     with pytest.raises(rtamt.InputError) as caught:
         read(path)
     assert str(caught.value) == (
@@ -103,7 +103,7 @@ def test_unclosed_recording_error(tmp_path: Path) -> None:
 
 
 def split(folder: Path, parts: list[list[Said]]) -> Path:
-    """A bag of rosbag2 in several files, as a recorder with a limit of size leaves it."""
+    """Write a bag of rosbag2 in several files, like a recorder with a size limit."""
     names = []
     for i, part in enumerate(parts):
         write_bag(folder.with_name(f"part{i}"), part)
@@ -124,7 +124,7 @@ def test_a_bag_in_several_files_is_one_trace(tmp_path: Path) -> None:
     path = split(tmp_path / "run", [SAID[:15], SAID[15:]])
     with AnyReader([path]) as reader:
         assert len([*reader.messages()]) == 40
-    assert speeds(path) == SPEEDS  # though metadata.yaml tells of the first file alone
+    assert speeds(path) == SPEEDS  # although metadata.yaml lists only the first file
     (path / "run_1.db3").unlink()
     with pytest.raises(rtamt.InputError) as caught:
         read(path)
@@ -163,7 +163,7 @@ def test_topic_with_two_classes_error(tmp_path: Path) -> None:
 
 
 def renumbered(records: bytes) -> bytes:
-    """Records of MCAP with 9 in the place of the numbers of schema and channel."""
+    """Return records of MCAP with 9 as the numbers of schema and channel."""
     made, at = b"", 0
     while at < len(records):
         kind, size = records[at], int.from_bytes(records[at + 1 : at + 9], "little")
@@ -309,7 +309,7 @@ def test_corrupt_byte_is_read_or_refused(extension: str, tmp_path: Path) -> None
 def test_an_index_without_topics_is_refused(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", SAID)
     data = bytearray(path.read_bytes())
-    at = int.from_bytes(data[-28:-20], "little")  # where the footer says that the summary begins
+    at = int.from_bytes(data[-28:-20], "little")  # the footer has the start of the summary
     while data[at] != 2:
         size = int.from_bytes(data[at + 1 : at + 9], "little")
         if data[at] in (3, 4, 11):  # schemas, channels and statistics become unknown records

@@ -1,4 +1,4 @@
-"""The copy of a bag has its messages, and what was found at the times of the samples."""
+"""The copy of a bag has its messages, and the results at the times of the samples."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def recorded(tmp_path: Path, extension: str) -> Path:
 
 
 def messages(path: Path) -> dict[str, list[tuple[int, Any]]]:
-    """Times and messages of every topic."""
+    """Return times and messages of every topic."""
     found: dict[str, list[tuple[int, Any]]] = {}
     with AnyReader([path]) as reader:
         for each in reader.connections:
@@ -334,7 +334,7 @@ def test_simulated_stamps_use_recording_times(
     assert main([*command, "--time", "header", "--write-mcap", str(copy)]) == 0
     capsys.readouterr()
     found = [time for time, _ in messages(copy)["/rtamt/f/verdict"]]
-    # The stamps are a second apart and the messages 0.1 s: the middle ones lie on each other.
+    # The stamps are a second apart and the messages 0.1 s: the middle ones overlap.
     assert abs(found[0] - START) < 5 * 10**9
     assert found[-1] - found[0] == 9 * 10**9
 

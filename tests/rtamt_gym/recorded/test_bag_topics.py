@@ -41,7 +41,7 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def first(bag: str, text: str, **signals: str) -> dict[str, float]:
-    """The values of the variables of a text at the first sample; ``__`` in a name is a dot."""
+    """Return the values of variables at the first sample; ``__`` in a name is a dot."""
     columns = Columns({name.replace("__", "."): where for name, where in signals.items()})
     trace, _ = read_ruled(
         bag, {"": rtamt.parse(text)}, EvaluationOptions(period=Fraction(1)), columns
@@ -234,7 +234,7 @@ def test_different_topic_declarations_error(bag: str) -> None:
         "expected one topic for 'cmd', which two specifications read, got /robot0/cmd_vel and "
         "/robot1/cmd_vel; rename one variable, or judge the specifications separately"
     )
-    both["b"] = rtamt.parse("cmd.linear.x > 3")  # says nothing of its own
+    both["b"] = rtamt.parse("cmd.linear.x > 3")  # declares nothing of its own
     trace, _ = read_ruled(bag, both, EvaluationOptions(period=Fraction(1)), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["cmd.linear.x"].tolist() == [1.0]
@@ -287,7 +287,7 @@ RULES = EvaluationOptions(period=Fraction(1))
 
 
 def bag_defaults(folder: Path, limits: dict[int, float], name: str = "run.mcap") -> str:
-    """Speeds of 0.25 for 5 s, and limits at some seconds."""
+    """Return speeds of 0.25 for 5 s, and limits at some seconds."""
     said = [twist(START + i * 10**9, 0.25) for i in range(5)]
     said += [
         Said(START + second * 10**9, "/robot0/limit", "std_msgs/Float64", {"data": limit})

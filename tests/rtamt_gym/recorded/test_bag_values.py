@@ -1,4 +1,4 @@
-"""What is judged of a bag is what its messages say at each time, found a second time by hand."""
+"""The judged values of a bag equal its messages at each time, by an independent definition."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def events() -> st.SearchStrategy[Events]:
 
 
 def held(found: Events, time: Fraction) -> float:
-    """The value of the last event at a time or before."""
+    """Return the value of the last event at a time or before."""
     return [value for at, value in found if at <= time][-1]
 
 
 def written(folder: str, extension: str, commands: Events, speeds: Events, delay: int = 0) -> str:
-    """A bag; what the odometry says was so `delay` before it was recorded."""
+    """Write a bag; the odometry was measured `delay` before it was recorded."""
     said = [twist(START + t, x) for t, x in commands]
     said += [odometry(START + t, x, START + t - delay) for t, x in speeds]
     path = Path(folder) / f"run{extension}"
@@ -162,7 +162,7 @@ def test_requirements_start_with_their_topics(tmp_path: Path) -> None:
     assert (trace.samples, trace.start, trace.known_from) == (40, 0.0, {SPEED: 21})
     found = {name: judge(spec, trace, period, rules) for name, spec in specs.items()}
     assert {name: each.verdict.name for name, each in found.items()} == {
-        "early": "VIOLATED",  # by its first sample, before the odometry began
+        "early": "VIOLATED",  # by its first sample, before the start of the odometry
         "late": "UNDECIDED",  # the odometry is unknown before
         "never": "SATISFIED",
     }
@@ -206,7 +206,7 @@ def test_of_messages_at_one_time_the_last_counts(tmp_path: Path) -> None:
 
 
 def stamped(tmp_path: Path, stamps: list[float], since: int = START) -> str:
-    """A bag of odometry whose speeds are 0, 1, 2 ... with such stamps, in seconds."""
+    """Write a bag of odometry with speeds 0, 1, 2 ... and these stamps in seconds."""
     said = [
         odometry(START + i * 10**8, float(i), since + round(stamp * 1e9))
         for i, stamp in enumerate(stamps)

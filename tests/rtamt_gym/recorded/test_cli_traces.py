@@ -335,7 +335,7 @@ def test_row_numbers_in_all_blocks(
 
 
 def calls(arguments: list[str]) -> int:
-    """The calls of functions, those written in C included, that a command makes."""
+    """Return the calls of functions that a command makes, also those in C."""
     count = 0
 
     def counted(_frame: object, event: str, _argument: object) -> None:
@@ -343,7 +343,7 @@ def calls(arguments: list[str]) -> int:
         count += event in {"call", "c_call"}
 
     gc.collect()
-    gc.disable()  # what runs when memory is collected would be counted where it falls
+    gc.disable()  # garbage collection would be counted at random places
     sys.setprofile(counted)
     try:
         main(arguments)
@@ -371,7 +371,7 @@ def test_lines_cost_few_calls(
 
 
 def on_a_terminal(prelude: str, arguments: str = "calm.stl even.csv") -> str:
-    """What the command line writes to a terminal of 80 columns on stderr."""
+    """Return the output on a terminal of 80 columns on stderr."""
     code = (
         f"import sys, rtamt_gym.recorded.progress as p; p.DELAY = 0; {prelude};"
         f"from rtamt_gym.__main__ import main; sys.exit(main({['monitor', *arguments.split()]}))"
@@ -380,7 +380,7 @@ def on_a_terminal(prelude: str, arguments: str = "calm.stl even.csv") -> str:
     termios.tcsetwinsize(writing, (24, 80))
     command = [sys.executable, "-c", code]
     ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=writing, check=True)
-    os.write(writing, b"end")  # a read of nothing would wait for ever
+    os.write(writing, b"end")  # a read of nothing would wait forever
     shown = b""
     while not shown.endswith(b"end"):
         shown += os.read(reading, 1000)

@@ -1,4 +1,4 @@
-"""Columns of times, gaps, separators and decimal marks: recognised, asked for, or refused."""
+"""Columns of times, gaps, separators and decimal marks: detected, set by options, or refused."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_off_grid_sample_error_or_resampling() -> None:
     )
     trace = read(text, Columns(jitter=0.05))
     assert trace.period() == Fraction(1, 10)
-    # At 0.3 the value of 0.2 holds, from 0.5 to 0.7 that of 0.5.
+    # At 0.3 the value of 0.2 holds, from 0.5 to 0.7 the value of 0.5.
     assert trace.columns["x"].tolist() == [0, 1, 2, 2, 4, 5, 5, 5, 6, 7, 8]
     assert [*trace.notes] == [
         (

@@ -1,4 +1,4 @@
-"""Damaged and hostile traces: each is refused in words, and costs its own row alone."""
+"""Damaged and hostile traces: each is an error in words, and affects only its own row."""
 
 import io
 import json
@@ -72,7 +72,7 @@ class Crashing(ArrayRecording):
 
 @pytest.fixture
 def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Path]]:
-    """Writes files of a reader that does what they say."""
+    """Writes files of a reader that follows their content."""
     (tmp_path / "strange_reader.py").write_text(READER, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     own: list[Any] = []
@@ -145,7 +145,7 @@ def test_matlab_and_mdf_use_another_process() -> None:
 
 
 def whole_files(folder: Path) -> dict[str, bytes]:
-    """A good file of each binary format, by the end of its name."""
+    """Return a good file of each binary format, by its extension."""
     table = pa.table({"x": np.arange(30.0), "note": [f"n{i}" for i in range(30)]})
     savemat(folder / "w.mat", {"x": np.arange(30.0), "t": {"a": np.arange(9), "b": "text"}})
     np.savez_compressed(folder / "w.npz", x=np.arange(30.0))
@@ -180,7 +180,7 @@ def test_damaged_file_error_names_file(suffix: str, tmp_path: Path) -> None:
 
 
 def crashing_mat(path: Path) -> None:
-    """A file of MATLAB of 840 bytes, two of them changed, of which SciPy 1.17 ends the process."""
+    """Return a MATLAB file with two changed bytes, which ends the process in SciPy 1.17."""
     cell = np.array(["a", 2.0], dtype=object)
     savemat(path, {"x": np.arange(30.0), "t": {"a": np.arange(9), "b": "text"}, "c": cell})
     raw = bytearray(path.read_bytes())

@@ -33,7 +33,7 @@ def reading(
     columns: Columns | None = None,
     variable: str = "x",
 ) -> Any:  # noqa: ANN401 - a pair or a text
-    """Return values and notes, or the error, which rows and pyarrow give alike."""
+    """Return values and notes, or the error, which rows and pyarrow share."""
     path = folder / "t.csv"
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     results: list[Any] = []
@@ -119,7 +119,7 @@ CONTRACT = {
     # The mark changes.
     ("0.5 3,5", "", ""): MIXED,
     ("1.000.000 3.5", "", ""): MIXED,
-    # An option is obeyed, with a note where all numbers may be groups.
+    # An option counts, with a note if all numbers may be groups.
     ("1,000 2,000 3,000", "", "."): ([1000, 2000, 3000], [groups("1,000", "1000")]),
     ("1,000 2,000 3,000", "", ","): (
         [1, 2, 3],

@@ -1,4 +1,4 @@
-"""Every format of recorded traces keeps one contract."""
+"""Every format of recorded traces satisfies one contract."""
 
 import gzip
 import json
@@ -43,7 +43,7 @@ TABLE: Table = {
 
 
 def separated(table: Table, mark: str = ",") -> str:
-    """The text of a table; nan is an empty cell."""
+    """Return the text of a table; nan is an empty cell."""
     rows = zip(*(column.tolist() for column in table.values()), strict=True)
     cells = (mark.join("" if np.isnan(cell) else repr(cell) for cell in row) for row in rows)
     return "\n".join([mark.join(table), *cells, ""])
@@ -73,7 +73,7 @@ def write_mdf(path: Path, table: Table) -> None:
 
 
 def write_topics(path: Path, table: Table) -> None:
-    """A topic for each column, with a message where there is a row, at its time."""
+    """Write a topic for each column, with a message for each row, at its time."""
     write_bag(
         path,
         [
@@ -103,7 +103,7 @@ TABLES: Mapping[str, Write] = {
 
 
 def write_log(path: Path, table: Table) -> None:
-    """A topic with the instance 0 alone, and a field for each column."""
+    """Write a topic with only the instance 0, and a field for each column."""
     names = [name for name in table if name != "time"]
     topic, log = Topic("run", tuple(("double", name) for name in names)), Ulog()
     for row in range(len(table["time"])):
@@ -113,10 +113,10 @@ def write_log(path: Path, table: Table) -> None:
 
 
 LOGS: Mapping[str, Write] = {".ulg": write_log}
-"""Their columns are fields of topics; they keep the contract but for names of columns."""
+"""Their columns are fields of topics; they satisfy the contract except for names of columns."""
 BAGS: Mapping[str, Write] = {".mcap": write_topics, ".db3": write_topics, ".bag": write_topics}
 WRITERS = {**TABLES, **LOGS, **BAGS}
-"""Bags keep the contract too, but for empty cells and names of columns, which they do not have."""
+"""Bags satisfy the contract too, except for empty cells and names of columns."""
 
 TIMED_BY_ITSELF = {".mf4", ".mdf"}
 """Formats with times of their own, in seconds."""
@@ -124,14 +124,14 @@ TIMED_BY_ITSELF = {".mf4", ".mdf"}
 
 @pytest.fixture(params=[*TABLES])
 def extension(request: pytest.FixtureRequest) -> str:
-    """The end of the name of a table."""
+    """Return the extension of a table."""
     found: str = request.param
     return found
 
 
 @pytest.fixture(params=[*WRITERS])
 def ending(request: pytest.FixtureRequest) -> str:
-    """The end of the name of a trace."""
+    """Return the extension of a trace."""
     found: str = request.param
     return found
 
@@ -142,7 +142,7 @@ def read(path: Path, variables: Sequence[str], columns: Columns | None = None) -
 
 
 def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace | EventTrace:
-    """Reads a trace as commands do; bags are sampled every 0.125 s."""
+    """Read a trace as commands do; bags are sampled every 0.125 s."""
     period = Fraction(1, 8) if path.suffix in BAGS and not dense else None
     spec = rtamt.parse(" and ".join(f"{name} < 9" for name in variables))
     fields = {name: f"run.{name}" for name in variables} if path.suffix in LOGS else {}
@@ -169,7 +169,7 @@ def test_a_trace_comes_back_as_it_was_written(ending: str, tmp_path: Path) -> No
     for name, values in trace.columns.items():
         assert values.dtype == np.float64
         assert values.tolist() == TABLE[name].tolist()
-    begin = 1.0 if ending in LOGS else 0.0  # a time 0 is none in a log
+    begin = 1.0 if ending in LOGS else 0.0  # a time 0 does not count in a log
     assert (trace.period(), trace.start, [*trace.notes]) == (Fraction(1, 8), begin, [])
     events = ruled(path, ["speed"], dense=True)
     assert isinstance(events, EventTrace)
@@ -268,7 +268,7 @@ def test_what_is_not_in_the_format_is_refused(ending: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    # asammdf fails a second time, in a destructor, over a file of version 4 that was cut. A log
+    # asammdf fails a second time, in a destructor, over a cut file of version 4. A log
     # that ends early is read with a note: test_ulog.py.
     "cut",
     [e for e in WRITERS if e not in (".csv", ".tsv", ".txt", ".ndjson", ".jsonl", ".mf4", ".ulg")],
@@ -414,7 +414,7 @@ def test_long_and_short_texts_match(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     path = tmp_path / "t.csv"
     for text in texts:
         path.write_text(text, encoding="utf-8")
-        # A formula may read the times, which are no numbers if they are dates.
+        # A formula may read the times, which are not numbers if they are dates.
         for variable, columns in [
             ("x", Columns()),
             ("x", Columns(missing="hold")),

@@ -1,4 +1,4 @@
-"""Holes in recordings: what the head says of them, and `--max-gap`, which makes them unknown."""
+"""Holes in recordings: their description in the head, and `--max-gap`, which makes them unknown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rtamt monitor SPEC... -- TRACE...`: the table, what is worst, and exit codes."""
+"""`rtamt monitor SPEC... -- TRACE...`: the table, the worst cells, and exit codes."""
 
 from __future__ import annotations
 

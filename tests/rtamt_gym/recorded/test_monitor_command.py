@@ -108,7 +108,7 @@ def test_unfit_semantics_error(semantics: str, message: str, capsys: Output) -> 
 
 
 SPEC = "always[0:1](x < 30)"
-"""Read with a sample every 10 ms, it is violated at sample 50; two samples alone satisfy it."""
+"""With a sample every 10 ms, it is violated at sample 50; two samples alone satisfy it."""
 
 X = [10.0] * 50 + [31.0] * 150
 MS = [10 * i for i in range(200)]
@@ -156,7 +156,7 @@ def test_period_with_jitter_error(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("formula", "headline", "row"),
     [
-        # x is 1 at 4 s, the last instant, which the window of 0 s alone reaches.
+        # x is 1 at 4 s, the last instant, which only the window of 0 s reaches.
         ("always[4:4](x < 0)", "VIOLATED, robustness -1,", ["-1", "-1", "0", "s", "0", "s"]),
         ("eventually[4:4](x > 0)", "SATISFIED, robustness 1,", ["1", "-inf", "0", "s", "0", "s"]),
         ("always[0:1](x > 0)", "VIOLATED, robustness -1,", ["-1", "-1", "0", "s", "0", "s"]),
@@ -190,14 +190,14 @@ work = judging._row_of_file
 
 
 def dying(path: str) -> tuple[Trial, judging.Seen]:
-    """Judges a trace as a worker does, but dies of one that is called so."""
+    """Judge a trace as a worker does, but die at one of this name."""
     if path == "deadly.csv":
         os._exit(9)
     return work(path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [6, 200])  # the processes get one trace at once, or several
+@pytest.mark.parametrize("count", [6, 200])  # the processes get one trace at a time, or several
 def test_dead_process_does_not_stop_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output, count: int
 ) -> None:

@@ -126,7 +126,7 @@ def test_junit_reports_trigger_counts(folder: Path) -> None:
 
 
 def failures_in(path: Path) -> dict[tuple[str | None, str | None], tuple[str, str | None]]:
-    """What each test case with anything but success has: the tag and the type."""
+    """Return the tag and the type of each test case without success."""
     root = ET.parse(path).getroot()  # noqa: S314 - our own
     for element in (root, *root):
         assert element.get("failures") == str(len(list(element.iter("failure"))))
@@ -165,7 +165,7 @@ def test_untriggered_requirements_fail_with_option(
     message = "never triggered: rare in 0 of 3 traces"
     assert found.get("message") == message
     assert f"\n\n{message}\nSATISFIED, robustness 5" in str(found.text)
-    # One trace that asks is enough.
+    # One trace with a trigger is enough.
     assert (
         main(["monitor", "req.stl", *files, "--require-triggered", "--", "near.csv", "good.csv"])
         == 1
@@ -191,7 +191,7 @@ def test_short_traces_fail_in_junit_and_markdown(folder: Path) -> None:
     assert failures_in(folder / "out.xml") == short | never
     heading = (folder / "out.md").read_text().partition("\n")[0]
     assert heading == "# SATISFIED, never triggered: answered; shorter than 5 s: good.csv (1 s)"
-    # What is violated fails as a violation.
+    # A violated case fails as a violation.
     assert main(["monitor", "calm = always(gap > 9)", *files, "--", "good.csv"]) == 1
     assert failures_in(folder / "out.xml") == {("good.csv", "calm"): ("failure", "violation")}
 
@@ -209,7 +209,7 @@ def test_what_no_xml_may_hold_is_escaped() -> None:
 
 
 def many(count: int) -> Matrix:
-    """Outcomes of so many traces, some of them violated, open or failed."""
+    """Return outcomes of a number of traces, some of them violated, open or failed."""
     outcomes: list[Outcome | Failure] = [
         Outcome(1.0, 1.0, 1.0, Verdict.SATISFIED),
         Outcome(-1.0, -1.0, -1.0, Verdict.VIOLATED, text="VIOLATED", explanation="x at 3 s\n  why"),
@@ -453,7 +453,7 @@ def test_json_is_alone_on_stdout(capsys: Output) -> None:
 
 
 def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
-    """The statistics of a requirement that one of two traces was judged by."""
+    """Return the statistics of a requirement that judged one of two traces."""
     numbers = dict.fromkeys(["least", "cvar", "median", "greatest"], height)
     shares = dict.fromkeys(["0.05", "0.25", "0.5", "0.75", "0.95"], height)
     found: dict[str, Any] = {

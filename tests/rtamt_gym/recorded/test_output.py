@@ -134,7 +134,7 @@ def many() -> dict[str, str]:
 
 def test_worst_requirements_are_drawn() -> None:
     figure = drawn(many())
-    # v0 is farthest below 4.5; of the six requirements that are drawn none is satisfied.
+    # v0 is farthest below 4.5; none of the six drawn requirements is satisfied.
     assert panels(figure) == ["v0", "v1", "v2", "v3", "r0", "r1", "r2", "r3", "r4", "late"]
     assert said(figure) == (
         "the worst 6 of 16 requirements; others: 10 SATISFIED; 11 signals not shown; "

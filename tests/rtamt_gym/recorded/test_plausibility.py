@@ -191,7 +191,7 @@ LATE = "always(req >= 3 implies eventually[0:1](gnt >= 3))"
 
 
 def write_late(folder_passes: Path, column: str, step: float) -> None:
-    """A request at 1 s that is granted at 4 s, one sample a second."""
+    """Write a request at 1 s that is granted at 4 s, one sample a second."""
     rows = [f"{i * step:.15g},{4 * (i == 1)},{4 * (i == 4)}" for i in range(8)]
     (folder_passes / "late.csv").write_text("\n".join([f"{column},req,gnt", *rows]))
 
@@ -238,7 +238,7 @@ MARKED = [0, 0, 1, 1, 0, 0]
 def write(
     path: Path, marked: Sequence[int] | None, values: Sequence[float] = VALUES, kind: str = "f8"
 ) -> str:
-    """A measurement of x, some samples of which are marked, and of y, at other times too."""
+    """Write a measurement of x, some samples of which are marked, and of y, at other times too."""
     times = np.arange(6) / 10
     bits = None if marked is None else np.array(marked, bool)
     samples = np.array(values).astype(kind)

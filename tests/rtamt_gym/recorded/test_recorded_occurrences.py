@@ -205,7 +205,7 @@ def test_states_at_instants_and_between_them() -> None:
     times, words = states_of(found, 0.0)
     assert list(zip(times.tolist(), words.tolist(), strict=True)) == [
         (0.0, "violated"),
-        (3.0, "satisfied"),  # at this instant alone
+        (3.0, "satisfied"),  # only at this instant
         (3.0, "unknown"),
     ]
 

@@ -47,7 +47,7 @@ LINES: Lines = {
 
 
 def table(lines: Lines) -> dict[str, NDArray[np.float64]]:
-    """The lines side by side; a cell without an event is nan."""
+    """Return the columns of lines as a table; a cell without an event is nan."""
     times = np.unique(np.concatenate([line for line, _ in lines.values()]))
     columns = {name: np.full(len(times), np.nan) for name in lines}
     for name, (line, values) in lines.items():
@@ -317,7 +317,7 @@ def test_stamps_of_unread_topics_extend_a_recording(ending: str, tmp_path: Path)
         rules = EvaluationOptions(dense=True)
         trace, _ = read_ruled(path, {"": spec}, rules, Columns(time="header"))
         assert isinstance(trace, EventTrace)
-        # The other clock, 1,010 s behind, is left aside.
+        # The other clock, 1,010 s behind, is ignored.
         assert trace.span == (0.0, end)
         expected = Verdict.SATISFIED if end > 4 else Verdict.UNDECIDED
         assert judge(spec, trace, None, rules).verdict is expected

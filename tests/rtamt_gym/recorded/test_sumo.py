@@ -127,7 +127,7 @@ def test_object_that_returns_is_uneven(tmp_path: Path) -> None:
 def test_step_is_that_of_the_file(
     steps: Sequence[int], step: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An object that is absent in a step has a gap, however even its own rows are."""
+    """An object that is absent in a step has a gap, even if its own rows are even."""
     objects: list[Object] = [("vehicle", "a", at, [8.0]) for at in steps]
     path = write_fcd(tmp_path / "fcd.xml", [*objects, ("vehicle", "b", 3, [7.0])], step)
     command = ["monitor", "always(speed < 9)", "--where", "id=a", str(path)]

@@ -1,4 +1,4 @@
-"""Variables of tables that have a declared default where a table has no values of them."""
+"""Variables with a declared default, in tables without values of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LATE = "time,x,limit\n1,0.25,\n2,0.125,\n3,0,0.75\n"
 
 
 def table(folder: Path, text: str) -> str:
-    """The name of a file with a text."""
+    """Write a file and return its name."""
     path = folder / "run.csv"
     path.write_text(text)
     return str(path)
@@ -143,7 +143,7 @@ def test_default_with_misspelt_column_error(
     unit = " if the specification counts in m/s" if "m/s" in near else ""
     expected = NEAR.format(variable=variable, near=near, signal=signal, unit=unit)
     assert str(caught.value) == f"{path}: no column {expected}"
-    # Both ways out lead out.
+    # Both hints work.
     found, _ = read_ruled(path, specs, reading, Columns({variable: near}))
     assert not found.defaults
     found, _ = read_ruled(path, specs, reading, Columns(defaults=[variable]))

@@ -96,7 +96,7 @@ def test_times_of_other_tools_are_recognised(
             "Date,Time,v\n05/01/2024,12:00:00,1\n05/01/2024,12:00:01,1\n05/01/2024,12:00:02,-1\n",
             "2",
         ),
-        ("Date,Time,v\n1,0,1\n1,0.5,1\n1,1,-1\n", "1"),  # numbers are no times of day
+        ("Date,Time,v\n1,0,1\n1,0.5,1\n1,1,-1\n", "1"),  # numbers are not times of day
         (
             "Zeitstempel;v\n01.05.2024 12:00:00;1\n01.05.2024 12:00:01;1\n01.05.2024 12:00:02;-1\n",
             "2",
@@ -453,7 +453,7 @@ def test_three_even_rows_look_like_times(capsys: Output) -> None:
 
 
 def turns(column: str, values: Sequence[int], offsets: Sequence[float]) -> Columns:
-    """Rows in which objects take turns ten times, ten times a second."""
+    """Return rows in which objects take turns ten times, ten times a second."""
     count = 10 * len(values)
     return {
         "time": [

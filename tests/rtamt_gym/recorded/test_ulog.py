@@ -1,4 +1,4 @@
-"""Logs of PX4: what their fields are called, when they were, and what is said of damage."""
+"""Logs of PX4: names of fields, times, and notes on damage."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def flight() -> Ulog:
 def events(
     path: Path, text: str, **signals: str
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Times and values of the recorded events of every variable, whose neighbours differ."""
+    """Return times and values of the events of every variable, without equal neighbours."""
     found, _ = read_ruled(
         str(path), {"": rtamt.parse(text)}, EvaluationOptions(dense=True), Columns(signals=signals)
     )
@@ -321,7 +321,7 @@ def test_nothing_is_printed_while_a_log_is_read(tmp_path: Path) -> None:
 
 
 def rates(seed: int) -> tuple[Ulog, dict[str, list[tuple[int, float]]]]:
-    """A log of two topics at rates of their own, which start and end at different times."""
+    """Write a log of two topics with their own rates, which start and end at different times."""
     generator, log = np.random.default_rng(seed), Ulog(start=0)
     wanted: dict[str, list[tuple[int, float]]] = {}
     records: list[tuple[int, Topic, list[float]]] = []

@@ -165,7 +165,7 @@ ROWS = "0,1\n0.1,1\n0.2,1\n0.215,{}\n0.3,1\n0.4,3\n0.5,1\n"
 def test_unknown_row_that_resampling_leaves_out(
     folder: Path, capsys: Output, *, wide: bool
 ) -> None:
-    """The outcome is that of the file without the row."""
+    """The outcome equals the file without the row."""
     found = []
     for text in (ROWS.format(""), ROWS.replace("0.215,{}\n", "")):
         lines = text.splitlines()

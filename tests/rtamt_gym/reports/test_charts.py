@@ -1,4 +1,4 @@
-"""Charts say in words what a cell, a point and a curve are, and what is not shown."""
+"""Charts describe their cells, points and curves, and the parts that are not shown."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ INFLOW, LEAK = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
 
 
 def chart(section: Section, kind: str) -> Figure:
-    """The first chart of a kind of the first requirement."""
+    """Return the first chart of a kind of the first requirement."""
     return figures(section, kind)[0]
 
 
 def raised(inflow: float, leak: float, start: float) -> Iterator[dict[str, float]]:
-    """The tank, filled higher at first."""
+    """Return the tank, filled higher at first."""
     for sample in tank(inflow, leak):
         yield {"level": sample["level"] + start}
 
@@ -45,7 +45,7 @@ def test_map_notes_minima_of_several_simulations() -> None:
     assert says not in chart(one, "map").summary
     folded = chart(several, "map")
     assert folded.summary.endswith(f" {says}")
-    # The least over what is not drawn is at the greatest start.
+    # The minimum over hidden points is at the largest start.
     alone, least = (chart(each, "map").data["cells"][0][0] for each in (one, several))
     assert alone is not None
     assert least == pytest.approx(alone - 0.6)
@@ -62,7 +62,7 @@ def test_omitted_points_are_counted() -> None:
 
 
 def saved(run: Run, folder: Path) -> Section:
-    """The section of the file of a run."""
+    """Return the section of the file of a run."""
     run.save(folder / "run.parquet")
     return section_of(folder / "run.parquet", ROOM)
 

@@ -1,4 +1,4 @@
-"""An episode in full has what decided it where its samples tell that; else it is shown without."""
+"""An episode shows its deciding part if its samples determine it; otherwise only its curves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rtamt_gym.results.outcome import Moment
 
 
 def shown(run: Run) -> ShownEpisode:
-    """The episode of a run."""
+    """Return the episode of a run."""
     (episode,) = of_run(run, ROOM).requirements[0].worst
     return episode
 

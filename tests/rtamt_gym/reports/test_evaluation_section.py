@@ -1,4 +1,4 @@
-"""The section of an evaluation says what the evaluation has, and shows its worst episodes."""
+"""The section of an evaluation shows its numbers and its worst episodes."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""The page of a report, read as a text: it loads nothing, is complete, and stays small."""
+"""The page of a report as a text: it loads nothing, is complete, and stays small."""
 
 import json
 import math

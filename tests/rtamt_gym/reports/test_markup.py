@@ -1,4 +1,4 @@
-"""What notebooks show: whole HTML, small, of no other file; no text of others is markup."""
+"""The HTML of notebooks: complete, small, without other files; foreign text is never markup."""
 
 import re
 from html.parser import HTMLParser
@@ -16,7 +16,7 @@ HOSTILE = "<script>alert('x')</script> & \x1b[31m"
 
 
 class _Read(HTMLParser):
-    """The elements and the text of HTML; every element that is opened is closed, in order."""
+    """The elements and the text of HTML; every opened element is closed, in order."""
 
     def __init__(self, html: str) -> None:
         super().__init__()

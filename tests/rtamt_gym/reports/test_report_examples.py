@@ -1,4 +1,4 @@
-"""Examples on the page: beside their requirements, drawn as they are, and refused where not."""
+"""Examples on the page next to their requirements, unchanged, and errors for wrong ones."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Files of results become sections and pages; what is none is refused with the kinds there are."""
+"""Files of results become sections and pages; other files are errors that list the kinds."""
 
 import hashlib
 import json
@@ -30,7 +30,7 @@ KINDS = (
 
 
 def evaluated(shift: float = 0.0) -> Evaluation:
-    """An evaluation of ten episodes, one of which is kept."""
+    """Return an evaluation of ten episodes, one of which is kept."""
     rows = [row({"low": i - 4.0 + shift, "seen": 1.0}, seed=7 + i) for i in range(10)]
     return evaluation(rows, {"low": (wave(30),)})
 

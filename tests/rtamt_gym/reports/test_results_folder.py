@@ -50,7 +50,7 @@ def page_of(folder: Path) -> str:
 
 
 def texts(page: str, table: str) -> list[list[str]]:
-    """The cells of a table by its label or class."""
+    """Return the cells of a table by its label or class."""
     part = page[page.index(table) :]
     part = part[: part.index("</table>")]
     rows = re.findall(r"<tr.*?</tr>", part, re.DOTALL)

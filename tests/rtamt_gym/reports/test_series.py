@@ -1,4 +1,4 @@
-"""Long episodes are thinned, and what matters in them stays."""
+"""Long episodes are thinned, and their important samples stay."""
 
 import numpy as np
 import pytest

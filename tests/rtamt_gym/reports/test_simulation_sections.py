@@ -1,4 +1,4 @@
-"""Sections of sweeps and searches: points, maps, convergence, and the worst played again."""
+"""Sections of sweeps and searches: points, maps, convergence, and repeated worst runs."""
 
 import json
 import math
@@ -168,7 +168,7 @@ def test_saved_case_shows_triggers(
     said = standing_of([section])
     assert said is not None
     assert ("never triggered: shut" in said.text) is (least > 0)
-    # What is shown of a run with another verdict is the verdict of the file.
+    # A run with another verdict shows the verdict of the file.
     other = json.loads((tmp_path / "case.json").read_text(encoding="utf-8"))
     other["expected"]["verdict"] = "VIOLATED"
     (tmp_path / "case.json").write_text(json.dumps(other), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The line at the head of a page, against a count of its own over made-up sections."""
+"""The line at the head of a page, against an independent count over artificial sections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page of results may do with a file of somebody else: it reads, and nothing further."""
+"""The rights of a page of results with a foreign file: it reads, and nothing else."""
 
 import json
 import os
@@ -45,7 +45,7 @@ CONTENT = "root:x:0:0:the administrator\n"
 
 @pytest.fixture
 def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a case whose module leaves a file where it is imported."""
+    """Return the path of a case whose module leaves a file at its import."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "stranger.py").write_text(STRANGER, encoding="utf-8")
@@ -120,7 +120,7 @@ def test_docs_state_that_a_case_is_code(capsys: Output) -> None:
 
 
 def outcomes_of(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> str:
-    """What ``rtamt monitor --json`` says of a trace, which calls it by another name."""
+    """Return the JSON of ``rtamt monitor --json`` for a trace with another name."""
     monkeypatch.chdir(folder)
     (folder / "t.csv").write_text("x\n1\n5\n", encoding="utf-8")
     main(["monitor", "always(x < 3)", "--json", "t.csv"])
@@ -130,7 +130,7 @@ def outcomes_of(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys
 
 
 def note_of(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> str:
-    """What a page says of the worst trace, which it does not show."""
+    """Return the note of a page on the worst trace, which it does not show."""
     kept = json.loads(outcomes_of(name, folder, monkeypatch, capsys))
     (shown,) = of_matrix(kept, folder, ROOM).requirements
     assert shown.worst == ()
@@ -154,7 +154,7 @@ def test_trace_outside_folders_is_not_opened(
         "linked folder": "linked/x.csv",
     }[way]
     assert "no regular file of this name lies below" in note_of(name, inside, monkeypatch, capsys)
-    # It is read where its folder was named, by the command line too.
+    # The command line reads it from its folder too.
     Path("o.json").write_text(outcomes_of(name, inside, monkeypatch, capsys), encoding="utf-8")
     assert main(["report", "o.json", "-o", "page.html", "--traces", str(outside)]) == 0
     page = Path("page.html").read_text(encoding="utf-8")

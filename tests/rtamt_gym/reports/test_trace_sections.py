@@ -30,7 +30,7 @@ def judged(
     capsys: pytest.CaptureFixture[str],
     *options: str,
 ) -> dict[str, Any]:
-    """What ``rtamt monitor --json`` prints about the traces in a folder."""
+    """Return the JSON of ``rtamt monitor --json`` for the traces in a folder."""
     monkeypatch.chdir(folder)
     for name, text in TRACES.items():
         (folder / name).write_text(text, encoding="utf-8")

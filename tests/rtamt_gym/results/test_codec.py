@@ -1,4 +1,4 @@
-"""The one form of results: every writer has it, its numbers survive, a page shows every kind."""
+"""The one form of results: every writer uses it, numbers are exact, a page shows every kind."""
 
 import json
 import math
@@ -73,7 +73,7 @@ def test_trial_round_trip_is_exact(trial: Trial) -> None:
     text = json.dumps(plain(trial), allow_nan=False)
     loaded = trial_of(json.loads(text))
     assert loaded == trial
-    # Also the signs of zeros, and wall times, which are not compared.
+    # Also the signs of zeros, and wall times, which equality ignores.
     assert repr(loaded.columns()) == repr(trial.columns())
 
 
@@ -86,7 +86,7 @@ def test_missing_moment_is_null() -> None:
 
 @pytest.fixture
 def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Output) -> dict[str, Path]:
-    """A file of each kind, and of the forms of traces, as the commands write them."""
+    """Return a file of each kind, and of the forms of traces, as the commands write them."""
     monkeypatch.chdir(tmp_path)
     tank = "def tank(inflow):\n    level = 1.0\n    for _ in range(20):\n"
     tank += "        yield {'level': level}\n        level += inflow - 0.1 * level\n"
@@ -129,7 +129,7 @@ def test_files_have_form_and_moments(
     written: dict[str, Path],
 ) -> None:
     assert {name.partition(",")[0] for name in written} == set(SECTIONS)
-    assert set(KINDS) == {*SECTIONS, "examples"}  # which have no trials, and a page of no own
+    assert set(KINDS) == {*SECTIONS, "examples"}  # they have no trials, and no page of their own
     moments: dict[str, set[tuple[bool, bool]]] = {}
     for name, path in written.items():
         kept = json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
@@ -148,7 +148,7 @@ def test_files_have_form_and_moments(
 
 
 def _moments(kept: Any) -> list[Any]:  # noqa: ANN401 - JSON
-    """All that is written as ``decided_at``, wherever it stands."""
+    """Return all values of ``decided_at`` at any depth."""
     if isinstance(kept, list):
         return [at for each in kept for at in _moments(each)]
     if not isinstance(kept, dict):

@@ -1,4 +1,4 @@
-"""What only the end decides has no `decided_at`, and its time of violation is the last sample."""
+"""A verdict of the end has no `decided_at`, and its time of violation is the last sample."""
 
 from __future__ import annotations
 

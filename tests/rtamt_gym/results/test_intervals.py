@@ -1,4 +1,4 @@
-"""Intervals and quantiles against definitions, exact coverage, and samples that have no spread."""
+"""Intervals and quantiles against definitions, exact coverage, and samples without a spread."""
 
 import math
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def test_exact_interval_with_tiny_chances(
 
 
 def coverage(kind: IntervalKind, total: int, rates: Floats) -> Floats:
-    """How often intervals hold the rate, by exact sums over all counts."""
+    """Return the coverage of intervals, by exact sums over all counts."""
     ends = np.array([rate_interval(count, total, kind) for count in range(total + 1)])
     within = (ends[:, :1] <= rates) & (rates <= ends[:, 1:])
     found: Floats = (binom.pmf(np.arange(total + 1)[:, None], total, rates) * within).sum(axis=0)
@@ -160,7 +160,7 @@ def test_median_interval_matches_ranks(numbers: list[float]) -> None:
     low, high = median_interval(numbers)
     assert low <= median(numbers) <= high
     size = len(numbers)
-    # The greatest rank below which the median lies with a chance of 2.5 % at most.
+    # The highest rank below which the median lies with a probability of at most 2.5 %.
     rank = sum(binom.cdf(k, size, 0.5) <= 0.025 for k in range(size))
     ordered = sorted(numbers)
     assert low == (ordered[rank - 1] if rank else -INF)
@@ -205,7 +205,7 @@ def test_differences_are_antisymmetric(
     pairs: list[tuple[float, float]],
 ) -> None:
     first, second = [a for a, _ in pairs], [b for _, b in pairs]
-    with np.errstate(over="ignore"):  # the greatest floats are farther apart than any float
+    with np.errstate(over="ignore"):  # the largest floats differ by more than any float
         found = differences(first, second)
         assert not np.isnan(found).any()
         assert (found == -differences(second, first)).all()

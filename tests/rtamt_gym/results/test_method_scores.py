@@ -149,6 +149,6 @@ def test_permutation_test_draws_many_splits() -> None:
     assert permutation_p(ours + 100.0, theirs) == 1e-05
     two = np.concatenate([ours, theirs - 0.5], axis=1)
     other = np.concatenate([theirs, ours - 0.5], axis=1)
-    assert permutation_p(two, other) == 1.0  # what one task gives, the other takes
+    assert permutation_p(two, other) == 1.0  # the tasks cancel each other
     nothing = np.zeros((15, 1))
-    assert permutation_p(nothing, nothing) == 1.0  # all ways are as far apart, which is 0
+    assert permutation_p(nothing, nothing) == 1.0  # all permutations have the distance 0

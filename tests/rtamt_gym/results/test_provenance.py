@@ -1,4 +1,4 @@
-"""Ids, versions and hashes of files: results have them, and reading gives them back."""
+"""Ids, versions and hashes of files: results have them, and reading restores them."""
 
 import hashlib
 import json

@@ -28,7 +28,7 @@ def runs(letters: Sequence[str], letter: str, offset: int) -> list[TimeSpan]:
 
 
 def recorded(letters: Sequence[str], offset: int = 0) -> RecordedSpans:
-    """A recording with a letter for each second: violated, satisfied or unknown."""
+    """Return a recording with a letter for each second: violated, satisfied or unknown."""
     return RecordedSpans(
         runs(letters, "v", offset),
         runs(letters, "u", offset),
@@ -37,7 +37,7 @@ def recorded(letters: Sequence[str], offset: int = 0) -> RecordedSpans:
 
 
 def brute_pairs(a: RecordedSpans, b: RecordedSpans, tolerance: float) -> set[tuple[int, int]]:
-    """All candidates, taken one by one, the best of the rest first."""
+    """Return all candidates one by one, always the best of the remaining ones."""
     free_a, free_b = set(range(len(a.violated))), set(range(len(b.violated)))
     pairs = set()
     for near in (False, True):
@@ -90,7 +90,7 @@ class Letters(NamedTuple):
         return letter_at(self.letters, self.begin, second)
 
     def covers(self, span: TimeSpan, wanted: str) -> bool:
-        """Whether all seconds have a wanted letter, but for the tolerance at each end.
+        """Return whether all seconds have a wanted letter, except the tolerance at each end.
 
         Seconds that are not recorded have no tolerance.
         """
@@ -223,7 +223,7 @@ def test_split_violation_is_not_new() -> None:
     pieces = RecordedSpans([TimeSpan(10 * i, 10 * i + 8) for i in range(10)], [], span)
     found = match_spans(long, pieces, 0)
     assert sorted(found.of_b) == ["part"] * 9 + ["shorter"]
-    # but a part that reaches out of the violation of A is
+    # but a part that extends beyond the violation of A is
     short = RecordedSpans([TimeSpan(0, 10)], [], span)
     reaching = RecordedSpans([TimeSpan(0, 6), TimeSpan(9, 90)], [], span)
     assert match_spans(short, reaching, 1).of_b == ("shorter", "new")
@@ -245,5 +245,5 @@ def test_tolerance_does_not_fill_a_gap() -> None:
     a = RecordedSpans([TimeSpan(0, 6), TimeSpan(6.5, 12)], [], span)
     b = RecordedSpans([TimeSpan(0, 5.8), TimeSpan(5.9, 6.9), TimeSpan(7, 12.2)], [], span)
     assert match_spans(a, b, 0.3).of_b == ("same", "new", "moved")
-    # at its own end, a violation may reach out of the other by the tolerance
+    # at its own end, a violation may extend beyond the other by the tolerance
     assert match_spans(a, b, 0.6).of_b == ("same", "part", "same")

@@ -1,4 +1,4 @@
-"""Statistics of requirements: each is a row, and the conditional value at risk is what it says."""
+"""Statistics of requirements: each is a row, and the conditional value at risk by definition."""
 
 import json
 import math
@@ -24,7 +24,7 @@ SHARES = st.sampled_from([0.05, 0.25, 0.5, 1.0])
 
 
 def shortfall(values: list[float], share: Fraction) -> float:
-    """The same from its definition: the mean of the quantiles below the share, piece by piece."""
+    """Return the same from its definition: the mean of the quantiles below the share."""
     ordered, count = sorted(values), len(values)
     share = max(share, Fraction(1, count))
     total = Fraction(0)

@@ -1,4 +1,4 @@
-"""Tables on a terminal: one way to arrange cells, with colours where there are any."""
+"""Tables on a terminal: one arrangement of cells, with colours if supported."""
 
 import pytest
 

@@ -1,8 +1,8 @@
-"""No output shows a decided verdict beside a robustness of the other sign, unless it says why.
+"""No output shows a decided verdict next to a robustness of the other sign without a reason.
 
-Two readings bring the two together: ``view="step"`` shows the robustness of an instant beside a
-verdict on all of them, ``at_termination="failure"`` that of the samples beside a violation by the
-end. Every output that shows both is a row of a table here, and is tried on each kind of case.
+Two options can cause this: ``view="step"`` shows the robustness of an instant next to a verdict on
+all of them, and ``at_termination="failure"`` the robustness of the samples next to a violation by
+the end. Every output that shows both is a row of a table here, and is tested on each kind of case.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NAMED = (
     "--end complete",
     "if nothing follows",
 )
-"""The words by which a text says why the two differ."""
+"""The words with which a text explains the difference."""
 
 SIGNS = {"VIOLATED": -1.0, "SATISFIED": 1.0}
 
@@ -59,7 +59,7 @@ def sign(robustness: float) -> float:
 
 
 def of_text(text: str) -> Iterator[tuple[float, float]]:
-    """The signs of decided verdicts and of numbers of robustness, from lines that have both."""
+    """Return the signs of decided verdicts and robustness values, from lines that have both."""
     first = re.findall("VIOLATED|SATISFIED", text)[:1]
     for line in text.splitlines():
         here = set(re.findall("VIOLATED|SATISFIED", line) or first)
@@ -71,7 +71,7 @@ def of_text(text: str) -> Iterator[tuple[float, float]]:
 
 
 def of_data(data: object) -> Iterator[tuple[float, float]]:
-    """The same of mappings that have both, and do not say that an end or an instant is why."""
+    """Return the same for mappings with both, and without an end or an instant as the reason."""
     if isinstance(data, Mapping):
         robustness = data.get("final", data.get("robustness"))
         said = data.get("by_end") or data.get("of_instant")
@@ -84,7 +84,7 @@ def of_data(data: object) -> Iterator[tuple[float, float]]:
 
 
 def differs(output: object) -> bool:
-    """Whether an output shows a verdict beside a robustness of the other sign."""
+    """Return whether an output shows a verdict next to a robustness of the other sign."""
     pairs = of_text(output) if isinstance(output, str) else of_data(output)
     return any(verdict != of for verdict, of in pairs)
 
@@ -94,7 +94,7 @@ def names_it(output: object) -> bool:
 
 
 def unnamed(output: object) -> object:
-    """The output without what it says about how the two differ."""
+    """Return the output without its explanation of the difference."""
     if isinstance(output, str):
         return re.sub("|".join(NAMED), "", output)
     if isinstance(output, Mapping):
@@ -104,12 +104,12 @@ def unnamed(output: object) -> object:
 
 
 class Kind(NamedTuple):
-    """A requirement on a pole that falls, how it is judged, and whether signs differ."""
+    """A requirement on a falling pole, its options, and whether signs differ."""
 
     spec: str
     options: Mapping[str, Any]
     differ: bool = False
-    curve: bool = False  # in the course alone
+    curve: bool = False  # only in the history
 
 
 ANGLE = {"angle": "obs[2]"}
@@ -133,7 +133,7 @@ def right(_: object) -> int:
 
 
 class Made:
-    """What came of a kind of case, each found when it is first asked for."""
+    """The results of a kind of case, each computed at its first use."""
 
     def __init__(self, kind: Kind, folder: Path) -> None:
         self.kind, self.folder = kind, folder
@@ -172,7 +172,7 @@ class Made:
 
 
 def told_by(info: Mapping[str, Any]) -> dict[str, Any]:
-    """The flat keys of an info as one verdict beside one robustness."""
+    """Return the flat keys of an info as one verdict next to one robustness."""
     episode = info["stl_episode"]["upright"]
     return {
         "all": {
@@ -211,7 +211,7 @@ def vector_infos(made: Made) -> list[object]:
 
 
 def overlay(made: Made, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The texts on the last frame, a line for each specification."""
+    """Return the texts on the last frame, a line for each specification."""
     texts: list[str] = []
     write = OverlayPanel._text
 
@@ -265,7 +265,7 @@ def saved_rows(made: Made) -> list[object]:
 
 
 def lowered(sentence: str) -> str:
-    """A sentence of the page in the words of other texts."""
+    """Return a sentence of the page in the words of other texts."""
     return sentence.replace("Robustness", "robustness").replace("violated", "VIOLATED")
 
 
@@ -313,7 +313,7 @@ OUTPUTS: dict[str, Callable[..., object]] = {
     "overlay": overlay,
     "data frame": frame,
 }
-"""What shows a verdict and a robustness of a run; the last three show its curve too."""
+"""The outputs with verdict and robustness of a run; the last three show its curve too."""
 
 CURVES = ("last info", "last infos", "overlay", "data frame")
 
@@ -334,7 +334,7 @@ def test_verdict_agrees_with_robustness_or_is_explained(
     wanted = set(make.__code__.co_varnames[: make.__code__.co_argcount])
     output = make(Made(kind, tmp_path), **{k: v for k, v in given.items() if k in wanted})
     assert names_it(output) or not differs(output), output
-    # What is said is needed where it is said: without it the two would contradict each other.
+    # Each explanation is needed: without it the two would contradict each other.
     assert differs(unnamed(output)) == (kind.differ or (kind.curve and name in CURVES)), output
 
 
@@ -420,7 +420,7 @@ ON_TRACES = [
     (command, kind)
     for command in (["monitor"], ["explain"], ["monitor", "--json"])
     for kind, (_, _, options) in TRACES.items()
-    if command != ["explain"] or "nan" not in options  # which it refuses
+    if command != ["explain"] or "nan" not in options  # it refuses this
 ]
 
 
@@ -439,10 +439,10 @@ def test_commands_explain_other_end_modes(
     if "--json" in command:
         assert not differs(json.loads(text))
         return
-    # The verdict in front of a robustness of 0 states its sign.
+    # The verdict before a robustness of 0 states its sign.
     text = text.replace("VIOLATED, robustness 0, c", "VIOLATED, robustness 0, violated, c")
     assert names_it(text) or not differs(text), text
-    # An explanation follows the bound that decides, so only the table reads the complete trace.
+    # An explanation follows the deciding bound, so only the table reads the complete trace.
     table = re.search(r"^\(result\) +(\S+)", text, re.MULTILINE)
     moved = kind in MOVED and table is not None
     assert ("--end complete" in text or "if nothing follows" in text) == moved or (

@@ -1,4 +1,4 @@
-"""Searches for violations: what is found violates, whoever runs it, and seeds repeat it."""
+"""Searches for violations: results violate on any machine, and seeds repeat them."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Mistakes in a search are told at once and in full; what a search has found is never lost."""
+"""Mistakes in a search are errors at once and complete; results of a search are never lost."""
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +28,7 @@ def asks(points: Any) -> Callable[..., None]:  # noqa: ANN401 - mistakes too
 
 
 def idle(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
-    """Evaluates nothing."""
+    """A system without an evaluation."""
 
 
 COMMON: dict[str, Any] = {"space": X, "period": 1, "budget": 20}

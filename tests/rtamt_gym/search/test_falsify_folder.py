@@ -1,4 +1,4 @@
-"""A search in a folder goes on after any interruption as if there had been none."""
+"""A search in a folder continues after any interruption as if there had been none."""
 
 import json
 import warnings
@@ -27,11 +27,11 @@ SPACE = [Signal("u", -1, 1, points=3), Parameter("x", 0, 1), Parameter("g", valu
 
 
 def plant_of(stops: list[int], ran: list[float]) -> Callable[..., Any]:
-    """A system that fails for some inputs, and is interrupted in a simulation.
+    """Return a system that fails for some inputs, and is interrupted in a simulation.
 
     Args:
-        stops: Holds the number of the simulation that is interrupted; 0: none.
-        ran: Gets a parameter of each simulation that begins.
+        stops: Holds the number of the interrupted simulation; 0 for none.
+        ran: Gets a parameter of each simulation that starts.
     """
 
     def plant(u: Any, x: float, g: float) -> Iterator[Mapping[str, float]]:  # noqa: ANN401
@@ -60,7 +60,7 @@ def search(
     interrupted: int = 0,
     **options: Any,  # noqa: ANN401
 ) -> tuple[Falsification | None, int]:
-    """What a search has found, None if it was interrupted; and how many simulations it took."""
+    """Return the result of a search, None after an interruption, and its number of simulations."""
     ran: list[float] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FailedSimulationWarning)
@@ -75,7 +75,7 @@ def search(
 
 
 def sober(found: Falsification | None) -> Any:  # noqa: ANN401
-    """Return all of a result but wall times and the reuse of stored simulations."""
+    """Return a result without wall times and the reuse of stored simulations."""
     assert found is not None
     lines = reuse_lines(found.record.provenance, "simulation")
     text = str(found).replace("\n".join(["", "", *lines]), "") if lines else str(found)

@@ -1,4 +1,4 @@
-"""The points that a search begins with, and what it says of the space that it has seen."""
+"""The first points of a search, and its report on the covered space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A search on several processes is the search on one, and survives what its simulations do."""
+"""A search on several processes equals the search on one, and survives its simulations."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ def tank(inflow: float) -> Iterator[Mapping[str, float]]:
 
 
 def sober(found: Falsification) -> Any:  # noqa: ANN401
-    """All of a result that is no wall time."""
+    """Return a result without wall times."""
     return (
         str(found),
         found.unreduced,

@@ -1,4 +1,4 @@
-"""The tightest constants: against a scan of all values with a robustness by numpy."""
+"""The tightest constants: against a scan of all values with a robustness in NumPy."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Signals = dict[str, Floats]
 
 
 class Kind(NamedTuple):
-    """A requirement, and what it means by numpy.
+    """A requirement, and its meaning in NumPy.
 
     Attributes:
         text: The requirement with its parameter p.
@@ -38,7 +38,7 @@ class Kind(NamedTuple):
 def window(
     found: NDArray[np.bool_], width: int, fold: Callable[..., np.bool_]
 ) -> NDArray[np.bool_]:
-    """The fold of each value and of so many after it, as far as there are any."""
+    """Return the fold of each value and a number of values after it, within the trace."""
     return np.array([fold(found[i : i + width + 1]) for i in range(len(found))])
 
 
@@ -75,7 +75,7 @@ def campaigns(draw: st.DrawFn) -> list[Signals]:
 
 
 def scanned(holds: Sequence[bool]) -> tuple[str, int] | None:
-    """The side and the place of the tightest value, by looking at all of them."""
+    """Return the side and the place of the tightest value, from all values."""
     changes = [i for i in range(1, len(holds)) if holds[i] != holds[i - 1]]
     if len(changes) != 1:
         return None

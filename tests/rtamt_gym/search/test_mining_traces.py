@@ -1,4 +1,4 @@
-"""What constants are mined over: columns, data frames, files, runs of simulations and of sweeps."""
+"""The data of mining: columns, data frames, files, runs of simulations and of sweeps."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_files_and_runs_bring_their_periods_and_all_need_one_for_a_bound(tmp_pat
 
 
 def test_the_end_of_a_run_is_read_as_the_run_read_it() -> None:
-    # The window of the last sample reaches past the end: nothing is there, or it is not known.
+    # The window of the last sample extends beyond the end: nothing is there, or it is unknown.
     text = "always(always[0:1](level < ?v))"
     levels = [1.0, 3.0, 2.0, 3.0]
     samples = [{"level": level} for level in levels]

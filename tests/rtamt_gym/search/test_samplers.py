@@ -1,4 +1,4 @@
-"""Samplers: their numbers of points, what makes each one what it is, and mistakes."""
+"""Samplers: their numbers of points, their properties, and errors."""
 
 import math
 from itertools import product

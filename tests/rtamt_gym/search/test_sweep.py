@@ -1,4 +1,4 @@
-"""Sweeps: what is run, what is kept, and mistakes."""
+"""Sweeps: their runs, their stored data, and errors."""
 
 import math
 import pickle

@@ -1,4 +1,4 @@
-"""Signals of several agents: each selector reads its agent's part, or says what is wrong."""
+"""Signals of several agents: each selector reads its agent's part, or its error is complete."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bind(value: SignalLike, *, hold: bool = False) -> Read:
 
 
 def step_of(agents: list[str]) -> tuple[Any, ...]:
-    """Observations, actions, rewards and infos in which every number is another."""
+    """Return observations, actions, rewards and infos with different numbers."""
     number = {agent: 10.0 * at for at, agent in enumerate(AGENTS)}
     return (
         {agent: np.array([number[agent], number[agent] + 1]) for agent in agents},

@@ -1,4 +1,4 @@
-"""A function is a signal of one environment, in vector environments too; `batched` marks others."""
+"""A signal function is for one environment, also in vector environments; `batched` marks others."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_async_vector_environment() -> None:
 
 
 class Told(gym.Env[Any, Any]):
-    """Its numbers are its own: in the info, behind attributes, and deep in the observation."""
+    """An environment with its own numbers in the info, in attributes, and in observations."""
 
     observation_space = spaces.Dict({"at": spaces.Discrete(9), "deep": spaces.Box(-9, 9, (2,))})
     action_space = spaces.Box(-1, 1, (1,))

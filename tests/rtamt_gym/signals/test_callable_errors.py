@@ -1,4 +1,4 @@
-"""A callable signal that raises names the signal, wherever it is called."""
+"""An error in a signal function names the signal, wherever it is called."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def missing(step: Step) -> float:
 
 
 def late(step: Step) -> float:
-    """Fails at the first step, which has a reward."""
+    """Fail at the first step, which has a reward."""
     return 0.0 if step.reward is None else float(step.env.unwrapped.nothing)
 
 

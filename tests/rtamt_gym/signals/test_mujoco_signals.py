@@ -1,4 +1,4 @@
-"""Selectors of a MuJoCo simulation read what MuJoCo has by name, and say what it has not."""
+"""Selectors of a MuJoCo simulation read its named parts; their errors list the names."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_selectors_match_mujoco(selector: str, expected: Callable[[Any], float])
 
 
 def contacts(model: Any, data: Any, one: set[int], two: set[int]) -> tuple[float, float]:
-    """Whether geoms of the two sets push each other, and how strongly."""
+    """Return whether geoms of the two sets push each other, and how strongly."""
     touch, total, wrench = 0.0, 0.0, np.zeros(6)
     for i in range(data.ncon):
         contact = data.contact[i]

@@ -1,4 +1,4 @@
-"""The period is what a simulation says; where none does, the error says where it was sought."""
+"""The period of a simulation is found; without one, the error lists the places of the search."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ X = {"x": "obs[0]"}
 
 
 class Bare(gym.Env[Any, Any]):
-    """Says no period."""
+    """An environment without a period."""
 
     observation_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
     action_space: spaces.Space[Any] = spaces.Box(-1.0, 1.0, (2,))
@@ -38,7 +38,7 @@ class Bare(gym.Env[Any, Any]):
 
 
 class Maze(Bare):
-    """Holds the environment that it steps, as the mazes of gymnasium-robotics do."""
+    """An environment that holds another one, like the mazes of gymnasium-robotics."""
 
     def __init__(self, **inside: gym.Env[Any, Any]) -> None:
         vars(self).update(inside)
@@ -46,13 +46,13 @@ class Maze(Bare):
 
 
 class Point(Bare):
-    """What a maze holds."""
+    """The environment inside a maze."""
 
     dt = 0.125
 
 
 class Other(Point):
-    """Takes other actions: what holds it may step it several times."""
+    """An environment with other actions: its holder may step it several times."""
 
     action_space = spaces.Discrete(2)
 
@@ -127,7 +127,7 @@ def test_inner_period_is_not_guessed(inside: Any) -> None:
 
 
 class Made:
-    """Counts the environments that are made and closed in this process."""
+    """Counts the environments that are created and closed in this process."""
 
     def __init__(self, make: Callable[[], gym.Env[Any, Any]]) -> None:
         self.make = make

@@ -20,7 +20,7 @@ SERIES = [0.0, 0.0, 0.0, 0.0]
 
 
 class Objectives(Replay):
-    """The reward of step k is (k, 10 k)."""
+    """An environment with the reward (k, 10 k) at step k."""
 
     def step(self, action: object) -> Any:
         obs, reward, *rest = super().step(action)

@@ -1,4 +1,4 @@
-"""Signals: every selector reads what it says, and says at once what it cannot read."""
+"""Signals: every selector reads its value, and errors come at construction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Readings of success are what a count by hand says, however an episode ended."""
+"""Definitions of success equal a count by hand, for every end of an episode."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FLAGS = st.lists(st.integers(0, 1), min_size=1, max_size=12)
 
 
 def by_hand(name: SuccessReading, flags: list[int], hold: int) -> bool:
-    """What a reading says of the flags of an episode; no monitor takes part."""
+    """Return a success by the flags of an episode, without a monitor."""
     runs = [sum(run) for run in _runs(flags)]
     if name == "any":
         return any(flags)
@@ -39,7 +39,7 @@ def by_hand(name: SuccessReading, flags: list[int], hold: int) -> bool:
 
 
 def _runs(flags: list[int]) -> list[list[int]]:
-    """The stretches of ones, an empty one where none is; the last is at the end."""
+    """Return the runs of ones, or an empty run; the last is at the end."""
     runs: list[list[int]] = [[]]
     for each in flags:
         if each:

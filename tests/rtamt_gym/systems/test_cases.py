@@ -68,7 +68,7 @@ def test_a_baseline_acts_where_nobody_else_does() -> None:
     other = simulate(Plant(), LOW, seed=3, duration=1, stop="end", policy=lambda _: [1.0, 1.0])
     assert run != other
     scaled = gym.wrappers.RescaleAction(Plant(), np.float64(0), np.float64(1))
-    with pytest.raises(InputError, match="needs a policy"):  # its actions are others
+    with pytest.raises(InputError, match="needs a policy"):  # it has other actions
         simulate(scaled, LOW, seed=3, duration=1)
 
 

@@ -67,7 +67,7 @@ EVALUATE += ["--at-termination", "failure", "--folder", "episodes", "--save", "o
 
 @pytest.fixture(autouse=True)
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A project that is the working directory; its modules are forgotten at the end."""
+    """Return a project as the working directory; its modules are forgotten at the end."""
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -89,7 +89,7 @@ def contents(folder: str) -> dict[str, bytes]:
 
 
 def refused(command: list[str], changes: str, folder: str, output: Output) -> None:
-    """Check the refusal of a command, which leaves the folder as it is."""
+    """Check the error of a command, which does not change the folder."""
     before = contents(folder)
     assert main(command) == 2
     assert output.readouterr().err == (
@@ -165,7 +165,7 @@ def test_evaluations_and_comparisons(project: Path, capsys: Output) -> None:
     refused(EVALUATE, "steering.py has changed", "episodes", capsys)
     new = [*EVALUATE[:-4], "--save", "new.json"]
     assert main(new) == 0
-    # Policies may differ; what they act in may not.
+    # Policies may differ; their environments may not.
     assert main(["compare", "old.json", "new.json"]) == 0
     text = Path("new.json").read_text()
     kept = json.loads(text)
@@ -271,7 +271,7 @@ def test_an_edit_after_the_import_is_a_change(project: Path) -> None:
     import plant
 
     then = fingerprint_of([plant.tank])
-    (project / "drain.py").write_text("RATE = 0.2\n")  # what runs has still 0.1
+    (project / "drain.py").write_text("RATE = 0.2\n")  # the running code still has 0.1
     now = fingerprint_of([plant.tank])
     assert then.changes(now) == ["drain.py has changed"]
     assert now.values["RATE of drain.py"] == "0.1"

@@ -30,7 +30,7 @@ def version(request: pytest.FixtureRequest) -> int:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, version: int) -> Path:
-    """FMUs of one version of FMI; those of the errors are broken."""
+    """Return FMUs of one version of FMI; those of the errors are broken."""
     folder = tmp_path_factory.mktemp(f"fmi{version}")
     tank = library(version, folder)
     write_fmu(folder / "tank.fmu", tank, version)
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, version: int) -> Path:
 def levels(
     steps: int, inflow: Callable[[int], float], *, area: float = 1.0, drain: float = 0.5
 ) -> list[float]:
-    """The definition of the tank."""
+    """Return the levels by the definition of the tank."""
     result = [1.0]
     for i in range(steps):
         result.append(result[-1] + 0.1 * (inflow(i) - drain * result[-1]) / area)
@@ -89,7 +89,7 @@ def test_connected_fmus_exchange_values_at_every_communication_point(folder: Pat
             a.append(a_next)
         assert run.signals["tank.level"].tolist() == a
         assert run.signals["second.level"].tolist() == b
-        # An output that needs no step is that of the inputs at the same time.
+        # An output without a step belongs to the inputs at the same time.
         assert run.signals["second.doubled"].tolist() == [2 * x for x in a]
 
 

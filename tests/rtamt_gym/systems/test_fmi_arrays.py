@@ -27,12 +27,12 @@ def tank(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A tank that is described, and cannot be run."""
+    """Return a tank that is described, and cannot be run."""
     return write_fmu(tmp_path_factory.mktemp("lone") / "tank.fmu", None, 3)
 
 
 def values(system: Fmus, *names: str) -> list[list[float]]:
-    """The values of numbers, which no formula can spell, over two steps."""
+    """Return the values of numbers without a name in formulas, over two steps."""
     signals = {f"at{k}": name for k, name in enumerate(names)}
     run = simulate(system, LOW, signals, duration=0.2)
     return [run.signals[name].tolist() for name in signals]

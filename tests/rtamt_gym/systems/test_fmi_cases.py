@@ -39,7 +39,7 @@ def levels(
     level: float = 1.0,
     area: float = 1.0,
 ) -> list[float]:
-    """The definition of the tank."""
+    """Return the levels by the definition of the tank."""
     result = [level]
     for i in range(steps):
         result.append(result[-1] + step * (inflow(i) - 0.5 * result[-1]) / area)
@@ -63,7 +63,7 @@ def test_inputs_and_parameters_are_those_of_the_case(
     numbers = {"area": 7.0, **numbers}
     expected = levels(10, lambda i: of_step(inflow, i, 0.1), **numbers)
     assert run.signals["level"].tolist() == expected
-    assert simulate(system, LOW, duration=1) == own  # the system is as it was
+    assert simulate(system, LOW, duration=1) == own  # the system is unchanged
 
 
 def test_a_communication_step_gets_the_value_of_its_own_time(tank: Path) -> None:

@@ -1,4 +1,4 @@
-"""A trained model as a policy: its random numbers, its identity, and its way to workers."""
+"""A trained model as a policy: its random numbers, its identity, and its transfer to workers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Exploring(Drawing):
 
 @pytest.fixture(autouse=True)
 def torch(monkeypatch: pytest.MonkeyPatch) -> Iterator[Torch]:
-    """Torch; NumPy draws afterwards as before."""
+    """Install Torch; NumPy draws afterwards as before."""
     stand_in, state = Torch(), np.random.get_state()  # noqa: NPY002
     monkeypatch.setitem(sys.modules, "torch", stand_in)
     yield stand_in
@@ -119,7 +119,7 @@ def test_models_with_other_weights_are_told_apart() -> None:
 
 
 class Saving:
-    """Writes what it has learned into a file, and not what it has seen."""
+    """A model that saves its weights, but not its observations."""
 
     loaded: Any = None
 

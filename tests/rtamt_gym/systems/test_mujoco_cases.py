@@ -74,7 +74,7 @@ DRIVEN = ("ctrl[0]", "actuator:lag", "qfrc_applied[1]", "body:pole.xfrc_applied[
 
 
 def cart() -> tuple[Any, Any]:
-    """A cart that moves already."""
+    """Return a moving cart."""
     model = mujoco.MjModel.from_xml_string(CART)
     data = mujoco.MjData(model)
     data.ctrl[:] = 0.05
@@ -84,7 +84,7 @@ def cart() -> tuple[Any, Any]:
 
 
 def by_hand(case: dict[str, Any], steps: int) -> list[list[float]]:
-    """The samples of the signals, from a loop of `mj_step`."""
+    """Return the samples of the signals, from a loop of `mj_step`."""
     model, data = cart()
     for name, entry in case.items():
         if name not in DRIVEN:
@@ -109,7 +109,7 @@ def by_hand(case: dict[str, Any], steps: int) -> list[list[float]]:
 
 
 def arrays(of: Any) -> dict[str, bytes]:  # noqa: ANN401 - MuJoCo is not typed
-    """All arrays of a model or of its data."""
+    """Return all arrays of a model or of its data."""
     held = ((name, getattr(of, name)) for name in dir(of) if not name.startswith("_"))
     return {name: array.tobytes() for name, array in held if isinstance(array, np.ndarray)}
 

@@ -65,7 +65,7 @@ def refused(obs):
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The working directory, with modules; what they add to the imports is undone."""
+    """Work in a folder with modules, and undo their changes of the imports."""
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -213,7 +213,7 @@ def test_a_model_of_a_module_is_refused_with_a_function_that_would_do() -> None:
     assert said.endswith(
         "; write a function that returns model.predict(obs, deterministic=True)[0]"
     )
-    assert refusal("rtamt_driver:refused") == "expected four numbers"  # in words of its own
+    assert refusal("rtamt_driver:refused") == "expected four numbers"  # in its own words
 
 
 def test_an_action_of_numbers_is_checked_by_its_shape_alone() -> None:

@@ -19,7 +19,7 @@ from rtamt import InputError
 from rtamt_gym.systems import policies
 from rtamt_gym.systems.policies import Statistics, policy_of
 
-# The arguments of the constructors, which the files hold, as the manuals list them.
+# The arguments of the constructors, which the files contain, as listed in the manuals.
 ALL = "gamma learning_rate seed verbose use_sde observation_space action_space n_envs"
 ON_POLICY = f"{ALL} n_steps gae_lambda ent_coef vf_coef max_grad_norm normalize_advantage"
 CLIPPED = f"{ON_POLICY} batch_size n_epochs clip_range clip_range_vf target_kl"
@@ -50,7 +50,7 @@ FILES = {
 
 
 class Model:
-    """Stands for a model: adds what it remembers to the observation, for an action."""
+    """Stands for a model: adds its memory to the observation, for an action."""
 
     loaded: tuple[Any, ...] = ()
 
@@ -73,7 +73,7 @@ class Model:
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The working directory, and packages whose algorithms are those of the table."""
+    """Work in a folder with packages that have the algorithms of the table."""
     monkeypatch.chdir(tmp_path)
     for name, classes in PACKAGES.items():
         package = ModuleType(name)
@@ -107,7 +107,7 @@ def test_the_algorithm_is_told_by_the_attributes_that_were_saved(name: str) -> N
         policy_of(text, cart_pole())
         algorithm, file, options = Model.loaded
         assert (algorithm, file, options["device"]) == (name, "best.zip", "cpu")
-        # Memory for the steps of a training is not taken.
+        # Memory for the steps of a training is not used.
         expected: dict[str, Any] = {
             "buffer_size": 1,
             "replay_buffer_class": None,
@@ -251,7 +251,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Normalizer:
-    """Stands for a `VecNormalize`, which cannot be pickled again once it was loaded."""
+    """Stands for a `VecNormalize`, which cannot be pickled again after loading."""
 
     shift = 0
 

@@ -117,7 +117,7 @@ class Counter(System):
         return self.sample()
 
     def close(self) -> None:
-        """Holds nothing."""
+        """Close nothing."""
 
 
 class GoesOn(Counter):
@@ -203,7 +203,7 @@ def test_a_format_of_ones_own_keeps_the_contract(
 
 
 def opened_by(kind: str) -> Any:  # noqa: ANN401
-    """A reader of the format with a fault."""
+    """Return a reader of the format with a fault."""
 
     @contextmanager
     def opened(path: str, columns: Columns) -> Iterator[ArrayRecording]:

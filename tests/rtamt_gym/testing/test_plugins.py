@@ -37,7 +37,7 @@ def darts(evaluate, dimension, rng):
 
 
 def added(folder: Path, entries: str) -> None:
-    """Installs a package with entry points into a folder."""
+    """Install a package with entry points into a folder."""
     (folder / "plant_tools.py").write_text(PACKAGE)
     about = folder / "plant_tools-1.0.dist-info"
     about.mkdir()
@@ -47,7 +47,7 @@ def added(folder: Path, entries: str) -> None:
 
 @contextmanager
 def found_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The packages of a folder are installed."""
+    """Simulate that the packages of a folder are installed."""
     monkeypatch.syspath_prepend(folder)
     plugins.cache_clear()
     try:

@@ -1,4 +1,4 @@
-"""Simulations on the screen: the same runs, drawn while they go on."""
+"""Simulations on the screen: the same runs, drawn while they continue."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_screen_and_speed_errors(
 
 
 def on_terminal(arguments: list[str]) -> tuple[str, str]:
-    """Standard output of the command, and the text on the terminal that has its errors."""
+    """Return standard output of the command, and the text on the terminal with its errors."""
     master, slave = pty.openpty()
     texts: list[bytes] = []
 

@@ -27,7 +27,7 @@ SPECS = {
 
 
 def drawn(width: int, text: str, *, by: Sequence[str] = (), encoding: str = "utf-8") -> list[str]:
-    """The lines of the picture after a stream."""
+    """Return the lines of the picture after a stream."""
     file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
     console = Console(width=width, file=file, color_system=None, force_terminal=True)
     now = [0.0]
@@ -86,7 +86,7 @@ def test_of_many_groups_the_worst_are_shown() -> None:
 
 @pytest.mark.parametrize("width", [40, 80, 100, 120])
 def test_numbers_are_not_cut(width: int) -> None:
-    """Names are cut, and columns are left out, before a number would be another one."""
+    """Names are cut, and columns are omitted, before a number would be cut."""
     group = "a_group_with_a_long_name_"
     rows = [f"{time},-1.25e+123,{group * 3}{car}" for time in range(4) for car in "ab"]
     _, names, *lines = drawn(width, "\n".join(["time,x,car", *rows, ""]), by=("car",))

@@ -1,4 +1,4 @@
-"""The blocks in which a stream comes do not matter: a pipe gives its lines one by one."""
+"""The blocks of a stream do not matter: a pipe delivers its lines one by one."""
 
 import json
 from collections.abc import Sequence

@@ -37,7 +37,7 @@ def stream(tmp_path: Path) -> Path:
 def watched(
     capsys: Output, path: Path, text: str, *arguments: str
 ) -> tuple[int, list[dict[str, Any]], str]:
-    """The exit code, the lines and the errors for a text."""
+    """Return the exit code, the lines and the errors for a text."""
     path.write_text(text)
     code = main(["watch", arguments[0], str(path), *arguments[1:]])
     captured = capsys.readouterr()
@@ -129,7 +129,7 @@ def test_quotes_within_a_line(cell: str, capsys: Output, stream: Path) -> None:
 
 
 def test_skipped_lines_are_unknown_samples(capsys: Output, stream: Path) -> None:
-    """The lines are those of an episode monitor that gets nan for each lost instant."""
+    """The lines equal an episode monitor that gets nan for each lost instant."""
     text = rows([1, 1, 1, "x", "?", 1, 1, 2])
     code, lines, errors = watched(capsys, stream, text, CALM, "--skip-bad", "--every")
     assert code == 3
@@ -243,7 +243,7 @@ def test_a_short_trace_exits_with_3(capsys: Output, stream: Path) -> None:
 
 
 def instants_of(spec: str, values: list[float], end: End) -> dict[str, int]:
-    """The number of instants by verdict, each judged by itself."""
+    """Return the number of instants by verdict, each judged alone."""
     verdicts = (
         rtamt.judge(f"eventually[{at}:{at}]({spec})", {"x": values}, period=1, end=end).verdict
         for at in range(len(values))
@@ -298,7 +298,7 @@ def test_the_first_violated_instant_stops(capsys: Output, stream: Path) -> None:
 
 
 def fleet(count: int, seed: int) -> list[tuple[float, str, float]]:
-    """Rows of several vehicles in the order of time, each with a period of its own."""
+    """Return rows of several vehicles in the order of time, each with its own period."""
     draw = np.random.default_rng(seed)
     made = [
         (start + i * step, f"car {car}", float(draw.integers(0, 5)))
@@ -417,7 +417,7 @@ def test_the_writer_ends_at_a_stop() -> None:
 
 
 def test_ctrl_c_finishes_each_requirement_as_open(tmp_path: Path) -> None:
-    """The line that has not ended does not count."""
+    """An incomplete line does not count."""
     specs = {"calm": "always(x < 3)", "rises": "eventually(x > 1)", "ends": "eventually(x > 8)"}
     path = tmp_path / "three.stl"
     path.write_text("".join(f"{name} = {spec}\n" for name, spec in specs.items()))
@@ -488,7 +488,7 @@ def test_a_file_that_is_replaced_is_an_error(tmp_path: Path) -> None:
 def test_a_growing_file_may_end_in_a_line(
     last: str, code: int, capsys: Output, stream: Path
 ) -> None:
-    """The number may be the begin of a longer one, which violates the requirement."""
+    """The number may be the start of a longer one, which violates the requirement."""
     text = f"{rows([1, 2])}{last}"
     got, _, errors = watched(capsys, stream, text, CALM, "--follow", "--idle", "50ms")
     assert got == code

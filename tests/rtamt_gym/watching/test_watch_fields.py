@@ -19,7 +19,7 @@ PLAIN: Row = {"speed": 1}
 
 
 def rows(*changed: Row, before: Row = PLAIN, count: int = 6) -> list[Row]:
-    """Rows of equal values, of which some in the middle are others."""
+    """Return rows of equal values, with other values in some middle rows."""
     plain: list[Row] = [before] * count
     plain[3 : 3 + len(changed)] = changed
     return [{"time": i, **row} for i, row in enumerate(plain)]
@@ -40,7 +40,7 @@ def as_csv(path: Path, table: Sequence[Row]) -> Path:
 
 
 def both(capsys: Output, path: Path, *options: str, spec: str = SPEC) -> tuple[int, str]:
-    """The exit code of `watch` and its errors, after a check that `monitor` has the same code."""
+    """Return exit code and errors of `watch`, and check that `monitor` has the same code."""
     code = main(["monitor", spec, str(path), *options])
     capsys.readouterr()
     assert main(["watch", spec, str(path), *options]) == code

@@ -1,4 +1,4 @@
-"""Groups of a stream are checked and end as `rtamt monitor --by` takes the same rows."""
+"""Groups of a stream are checked and end as in `rtamt monitor --by` on the same rows."""
 
 import json
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ FINAL = ("verdict", "robustness", "lower", "upper")
 
 
 def monitored(text: str, *arguments: str) -> tuple[int, dict[str, list[Any]]]:
-    """The exit code of `rtamt monitor --by car`, and the outcomes of groups without an error."""
+    """Return the exit code of `rtamt monitor --by car`, and the outcomes of good groups."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "rows.csv"
         path.write_text(text)
@@ -55,7 +55,7 @@ def streamed(text: str, places: Sequence[int], **options: Any) -> tuple[int, dic
 
 @st.composite
 def fleets(draw: st.DrawFn, *, timed: bool) -> str:
-    """Rows of up to three cars, in any order of cars, with columns that may tell episodes."""
+    """Rows of up to three cars, in any order of cars, with columns that may mark episodes."""
     rows: list[list[Any]] = []
     columns = draw(
         st.lists(st.sampled_from(("terminated", "is_first", "step", "run")), unique=True)
@@ -103,7 +103,7 @@ def test_groups_without_times_end_as_in_monitor(text: str, places: list[int]) ->
 
 
 def watched(capsys: Output, path: Path, text: str, *arguments: str) -> tuple[int, list[Any], str]:
-    """The exit code, final lines and messages of the command."""
+    """Return the exit code, final lines and messages of the command."""
     path.write_text(text)
     code = main(["watch", "always(x < 3)", str(path), "--by", "car", *arguments])
     captured = capsys.readouterr()
@@ -126,7 +126,7 @@ def test_the_group_of_another_episode_is_named(capsys: Output, tmp_path: Path) -
 
 
 def test_a_group_may_come_back_after_its_end(capsys: Output, tmp_path: Path) -> None:
-    """A group that has ended by its idle time is checked no more: its rows are bad lines."""
+    """A group that ended by its idle time is not checked any more: its rows are bad lines."""
     rows = ["0,a,1,0", "1,a,1,1", *(f"{i},b,1,0" for i in range(9)), "9,a,1,0"]
     text = "\n".join(["time,car,x,terminated", *rows, ""])
     arguments = ["--group-idle", "2s", "--skip-bad"]
@@ -141,7 +141,7 @@ def test_a_group_may_come_back_after_its_end(capsys: Output, tmp_path: Path) -> 
 def test_a_group_may_not_start_with_a_bad_line(
     cell: str, kind: list[str], capsys: Output, tmp_path: Path
 ) -> None:
-    """Its first sample, about which the verdict is, may violate the requirement."""
+    """Its first sample, to which the verdict belongs, may violate the requirement."""
     if kind and not cell:
         cell = "1.2.3"
     text = f"time,car,x\n0,a,1\n1,a,1\n1,b,{cell}\n2,b,1\n2,a,1\n3,b,1\n"
@@ -269,7 +269,7 @@ def test_a_stop_reports_its_line(capsys: Output, tmp_path: Path) -> None:
 
 
 def test_a_group_lasts_for_exactly_the_idle_time(capsys: Output, tmp_path: Path) -> None:
-    """The distance of 0.7 and 0.4 as doubles is a little more than 0.3."""
+    """The difference of 0.7 and 0.4 as doubles is slightly more than 0.3."""
     path = tmp_path / "rows.csv"
     path.write_text("time,car,x\n0.1,a,1\n0.4,b,1\n0.4,a,1\n0.7,b,1\n0.7,a,1\n1.0,b,1\n1,a,1\n")
     arguments = ["watch", "always(x < 3)", str(path), "--by", "car", "--dense"]

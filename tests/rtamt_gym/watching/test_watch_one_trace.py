@@ -1,4 +1,4 @@
-"""A stream is one trace where `rtamt monitor` takes the same rows for one."""
+"""A stream is one trace if `rtamt monitor` reads the same rows as one."""
 
 import json
 from collections.abc import Sequence
@@ -157,7 +157,7 @@ def test_numbers_in_turns_are_refused_as_in_a_file(
 def test_objects_are_looked_for_at_a_stop(
     stop: StreamStop, stopping: int, objects: list[object], column: str, size: int
 ) -> None:
-    """A stop after some rounds is refused; one in the first rows, which show nothing, is not."""
+    """A stop after several rounds is an error; one in the first rows is not."""
     for last, refused in ((3, False), (13, True)):
         rows = [
             [i // 2 + 0.1 * (i % 2), objects[i % 2], stopping if i == last else 1]
@@ -179,7 +179,7 @@ def test_objects_are_looked_for_at_a_stop(
 def test_objects_are_noticed_row_by_row(
     order: Sequence[int], name: str, options: list[str], size: int, tmp_path: Path
 ) -> None:
-    """Lines of a pipe come one by one, and rows of groups as they alternate."""
+    """Lines of a pipe arrive one by one, and rows of groups alternate."""
     letter = "P" if name == "plate" else ""
     rows = [[i, "a", f"{letter}{value}", 1] for i, value in enumerate(order)]
     text = table(f"time,car,{name},x", rows)

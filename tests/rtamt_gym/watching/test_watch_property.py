@@ -1,4 +1,4 @@
-"""However a stream is cut, its lines are those of a monitor and its end that of the whole file."""
+"""For any pieces, the lines of a stream equal a monitor, and its end equals the complete file."""
 
 import json
 import math
@@ -50,7 +50,7 @@ def played(options: WatchOptions, text: bytes, places: Sequence[int]) -> tuple[l
 
 
 def monitored(arguments: Sequence[str], text: bytes, kind: Kind) -> tuple[int, dict[str, Any]]:
-    """The exit code of `rtamt monitor` on the whole input, and its outcome."""
+    """Return the exit code of `rtamt monitor` on the complete input, and its outcome."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"trace.{kind}"
         path.write_bytes(text)
@@ -64,7 +64,7 @@ def monitored(arguments: Sequence[str], text: bytes, kind: Kind) -> tuple[int, d
 
 
 def spec_of(formula: rtamt.Formula) -> rtamt.Specification:
-    """A requirement that looks ahead in every part, and reads a variable."""
+    """A requirement with future operators in every part that reads a variable."""
     spec = rtamt.parse(str(formula))
     text = str(formula) if spec.variables else f"({formula}) or a > 9"
     spec = rtamt.parse(text)
@@ -109,7 +109,7 @@ def test_sampled_lines_equal_the_episode_monitor(
         for i in range(strategies.length(trace))
     ]
     text = text_of(kind, rows)
-    # Bounds of a parsed formula are in seconds; those that no period divides are rounded.
+    # Bounds of a parsed formula are in seconds; bounds that no period divides are rounded.
     spec = spec_of(formula)
     reading = EvaluationOptions(end=end, align="nearest", period=period if stated else None)
     options = WatchOptions({"it": spec}, reading, Columns(), every=True)
@@ -262,7 +262,7 @@ def test_events_at_their_own_pace_end_as_in_a_file(
     missing: Missing,
     places: list[int],
 ) -> None:
-    """Empty cells are no events, variables start late, and some rows share an instant."""
+    """Empty cells are not events, variables start late, and some rows share an instant."""
     time, rows = 0.0, ["time,a,b"]
     for step, a, b in drawn:
         time += step / 4

@@ -51,7 +51,7 @@ def changing(draw: st.DrawFn, costs: tuple[str | None, ...]) -> tuple[Case, dict
 
 
 def arguments(case: Case, texts: dict[str, Named], which: str) -> dict[str, Any]:
-    """Those of a wrapper, with the first values or the others."""
+    """Return the arguments of a wrapper, with the first values or the others."""
     values: dict[str, str] = {}
     for item in texts.values():
         values |= item.first | (item.then if which == "then" else {})
@@ -65,7 +65,7 @@ def others(texts: dict[str, Named]) -> dict[str, str]:
 
 
 def episode(env: gym.Env[Any, Any], **reset: Any) -> list[Any]:
-    """What an environment says in an episode of at most nine samples, up to an error."""
+    """Return the infos of an episode of at most nine samples, up to an error."""
     shown: list[Any] = []
     try:
         obs, info = env.reset(**reset)
@@ -105,7 +105,7 @@ def test_other_constants_give_what_a_new_wrapper_gives(
     try:
         env = StlMonitor(make(), **arguments(case, texts, "first"))
     except RtamtError:
-        return  # a cost that the drawn formula does not have
+        return  # a cost that the generated formula does not have
     plain = StlMonitor(make(), **arguments(case, texts, "first"))
     assert mismatch(episode(plain), episode(env)) == ""
     inner = make()
@@ -433,7 +433,7 @@ def test_what_cannot_be_leaves_all_as_it_was(
     assert difference(plain.step(0), env.step(0)) == ""
     assert mismatch(episode(plain, seed=2), episode(env, seed=2)) == ""
     assert env.get_wrapper_attr("constants") == {"a": 0.1, "w": 0.2}
-    if "theta" not in values:  # of a text that was not read yet, any name may be a constant
+    if "theta" not in values:  # in a text that was not read yet, any name may be a constant
         given = {"a": 0.1, **values} if isinstance(values, dict) else values
         first = said.partition(";")[0].partition("\n")[0].rpartition(": ")[2]  # without a place
         with pytest.raises(kind, match=re.escape(first)):

@@ -49,7 +49,7 @@ def warned(act: Callable[[], object]) -> list[str]:
 
 
 def play(env: gym.Env[Any, Any], episodes: int) -> list[list[dict[str, Any]]]:
-    """The infos of whole episodes."""
+    """Return the infos of complete episodes."""
     played = []
     for _ in range(episodes):
         infos = [env.reset(seed=1)[1]]
@@ -127,7 +127,7 @@ WEIGHTS = {"near": 3.0, "kept": 0.5}
 
 
 def decided(states: dict[str, Any], mode: str) -> float:
-    """What decides the reward of a sample, read off the states of the specifications."""
+    """Return the deciding part of the reward of a sample, from the states of the specifications."""
     values = {name: WEIGHTS.get(name, 1.0) * states[name]["robustness"] for name in SPECS}
     if mode != "hierarchical":
         return float(min(values.values()))
@@ -194,7 +194,7 @@ def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMod
 
 
 def watch(envs: Any, numbers: list[float], mode: str) -> None:
-    """Steps until ten episodes have ended, and lists what decided the rewards."""
+    """Step until ten episodes have ended; list the deciding parts of the rewards."""
     num, episodes = envs.num_envs, 0
 
     def note(infos: dict[str, Any], entries: Any, *, last: bool) -> None:
@@ -323,7 +323,7 @@ WATCHES: dict[str, Any] = {
 
 
 def observe(env: Any, episodes: int) -> list[str]:
-    """The warnings of so many episodes."""
+    """Return the warnings of a number of episodes."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for _ in range(episodes):

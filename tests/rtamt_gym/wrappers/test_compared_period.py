@@ -41,7 +41,7 @@ X = {"x": "obs[0]"}
 
 
 class Repeat(gym.Wrapper[Any, Any, Any, Any]):
-    """An action repeat of one's own, which says nothing of itself."""
+    """A user's own action repeat, without an attribute for it."""
 
     def __init__(self, env: gym.Env[Any, Any], times: int = 4) -> None:
         super().__init__(env)
@@ -301,7 +301,7 @@ def slower(env: Any) -> None:
 
 
 def later_warnings(env: Any, change: Callable[[], object], episodes: int = 2) -> list[str]:
-    """The warnings of an episode before a change and of some after it."""
+    """Return the warnings of an episode before a change and of some after it."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         warnings.simplefilter("ignore", OpenEndWarning)
@@ -397,7 +397,7 @@ def test_one_of_many_environments_changes_its_period(mode: AutoresetMode) -> Non
 
 def test_native_environments_change_their_period() -> None:
     def go_on(envs: Any) -> None:
-        for _ in range(60):  # which resets each of them
+        for _ in range(60):  # it resets each of them
             envs.step(envs.action_space.sample())
 
     bare: Any = native(3)

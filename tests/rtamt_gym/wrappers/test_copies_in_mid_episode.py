@@ -36,7 +36,7 @@ copies = pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
 
 
 class Counter(gym.Env[Any, Any]):
-    """Observes how many steps it has made."""
+    """Observes its number of steps."""
 
     observation_space = spaces.Box(0.0, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(1)
@@ -53,7 +53,7 @@ class Counter(gym.Env[Any, Any]):
 
 
 class Rebuilt(Counter, EzPickle):
-    """Is copied by its constructor, as environments of MuJoCo and Box2D are."""
+    """Is copied by its constructor, like environments of MuJoCo and Box2D."""
 
     def __init__(self) -> None:
         EzPickle.__init__(self)
@@ -78,7 +78,7 @@ class Road(RoadEnv):
 
 
 class Holds(gym.Env[Any, Any]):
-    """Steps an environment that takes other actions."""
+    """Steps an environment with other actions."""
 
     observation_space, action_space = Counter.observation_space, spaces.Discrete(3)
     control_timestep = 0.25
@@ -130,7 +130,7 @@ def agents() -> Any:
 
 
 def act(env: Any) -> Any:
-    """A step whose action does nothing."""
+    """Make a step with an action without effect."""
     if isinstance(env, ParallelStlMonitor):
         return env.step({"a": np.zeros(1)})
     space = env.action_space
@@ -166,7 +166,7 @@ def test_copy_that_lost_its_episode_needs_a_reset(make: Callable[[], Any], copie
     assert difference(shown, fresh.reset(seed=2)) == ""
     for _ in range(3):
         assert difference(act(twin), act(fresh)) == ""
-    act(env)  # the original goes on
+    act(env)  # the original continues
 
 
 @copies

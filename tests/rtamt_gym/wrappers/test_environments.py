@@ -28,7 +28,7 @@ def monitored(case: Case) -> Env:
 
 
 def of_instants(case: Case) -> Env:
-    """Monitors every instant, with formulas that make sense there."""
+    """Monitor every instant, with formulas that make sense there."""
     if case.env_id == "CartPole-v1":
         case = Case(case.env_id, "abs(theta) < 0.2", case.signals)
     else:
@@ -37,7 +37,7 @@ def of_instants(case: Case) -> Env:
 
 
 def shaped(case: Case, **arguments: Any) -> Env:
-    """The environment with a reward that depends on all that a reward can depend on."""
+    """Return the environment with a reward that depends on all parts of a step."""
     names = list(case.specs) if isinstance(case.specs, dict) else ["spec"]
     arguments = {
         "mode": "hierarchical",
@@ -54,7 +54,7 @@ def is_picture(env: Env) -> bool:
 
 
 def observing(case: Case) -> Env:
-    """With the state of the monitor in the observation, flattened if it is a picture."""
+    """Return it with the state of the monitor in the observation, flattened if it is a picture."""
     env = case.monitored()
     if is_picture(env):
         env = FlattenObservation(env)

@@ -32,7 +32,7 @@ EPISODES = [[3, 3, 3], [3, 3, 0, 3, 3], [3, 3, 0], [3, 0, 3]]
 
 
 def played(env: Env, replay: Fresh) -> list[dict[str, Any]]:
-    """The last infos of the episodes."""
+    """Return the last infos of the episodes."""
     lasts = []
     for values in EPISODES:
         replay.values = values
@@ -49,7 +49,7 @@ EXPECTED = [(3.0, 2), (3.0, 2), (3.0, 2), (1.0, 1)]
 
 
 class Derived(Monitor):
-    """A class of a user's own."""
+    """A user's own class."""
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
@@ -116,7 +116,7 @@ def shaped(env: Env, **options: Any) -> StlReward[Any, Any]:
 
 
 def play(env: Env) -> tuple[float, float, dict[str, Any]]:
-    """The sums of the rewards of an episode, shaped and the environment's, and its last info."""
+    """Return the sums of shaped and own rewards of an episode, and its last info."""
     env.reset(seed=1)
     paid = own = 0.0
     while True:
@@ -214,7 +214,7 @@ def make(values: list[float], keeper: Callable[[Env], Env] | None = RecordEpisod
 
 
 def infos(envs: Envs, steps: int) -> list[dict[str, Any]]:
-    """The infos of steps, without the times that the statistics hold."""
+    """Return the infos of steps, without the times of the statistics."""
     envs.reset(seed=1)
     listed = []
     for _ in range(steps):
@@ -247,7 +247,7 @@ def test_many_environments_say_what_each_does(mode: str, autoreset: AutoresetMod
     assert any((item["r"] != item["r_env"]).any() for item in counted)
 
 
-# Before 1.4, Gymnasium's statistics left out the first reward after a reset in the same step.
+# Before 1.4, Gymnasium's statistics omitted the first reward after a reset in the same step.
 COUNTED = [
     mode
     for mode in MODES

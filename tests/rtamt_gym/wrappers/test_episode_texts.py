@@ -54,7 +54,7 @@ def bare() -> Envs:
 
 
 def warned(act: Any) -> list[str]:
-    """The texts of the warnings, each of which points here."""
+    """Return the texts of the warnings, each of which points here."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         act()
@@ -133,7 +133,7 @@ def test_an_end_inside_a_bounded_window_is_said_once(view: View, *, history: boo
     assert warned(lambda: lead(envs, 9)) == [CUT]
     complete = StlMonitor(Replay(replayed), specs, X, at_termination="complete", **options)
     infos.append(run(complete)[-1])
-    assert repr(infos[0]) == repr(infos[3])  # to ask has changed nothing
+    assert repr(infos[0]) == repr(infos[3])  # reading it changes nothing
 
 
 @given(
@@ -158,7 +158,7 @@ def test_a_window_is_told_where_complete_satisfies_what_cut_leaves_open(
         for end in ("complete", "cut", "open")
         for judged in [rtamt.judge(text, {"x": trace}, period=1, end=end)]
     }
-    spec = {"spec": f"({text}) and eventually(x > -1)"}  # it speaks of more than the first sample
+    spec = {"spec": f"({text}) and eventually(x > -1)"}  # it reads more than the first sample
     env = StlMonitor(Replay(trace), spec, X, period=1, on_violation="report")
     told = warned(lambda: run(env))
     satisfied = verdicts["complete"] > 0 and not verdicts["open"]

@@ -23,7 +23,7 @@ STEPS = 12
 
 
 def recorded(case: Case, seed: int, **options: Any) -> Any:
-    """The run of the same random actions, which `simulate` records by itself."""
+    """Return the run of the same random actions, which `simulate` records by itself."""
     env = case.bare()
     space = deepcopy(env.action_space)  # highway-env draws from its own at reset
     space.seed(seed)

@@ -1,4 +1,4 @@
-"""Vector monitors around the forms of EnvPool and of PufferLib, played by stand-ins."""
+"""Vector monitors around the forms of EnvPool and of PufferLib, with stand-ins."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ SIGNALS: dict[str, Any] = {
 
 
 class Told(gym.Env[Any, Any]):
-    """Tells numbers in its info; at reset those that the count of its episodes has bits for."""
+    """Has numbers in its info; at reset those that the count of its episodes has bits for."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (1,), np.float64)
     action_space = spaces.Discrete(2)
@@ -55,7 +55,7 @@ class Told(gym.Env[Any, Any]):
 
 
 def told(reset: dict[str, Any]) -> tuple[float, ...]:
-    """The values at reset, by hand."""
+    """Return the values at reset, by hand."""
     return (
         reset.get("speed", -1.0),
         reset.get("near", {}).get("gap", -2.0),

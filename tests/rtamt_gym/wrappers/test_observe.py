@@ -1,4 +1,4 @@
-"""`observe="state"` and `observe="obligations"`: the numbers that they append."""
+"""`observe="state"` and `observe="obligations"`: the appended numbers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:clip=.* flattens the values of"
 )  # it is narrow here
 
-# But for that which shows a picture, to which nothing can be appended.
+# Except the one that shows a picture, to which nothing can be appended.
 cases = pytest.mark.parametrize(
     "case", [*CASES[:3], CASES[-1]], ids=lambda case: case.env_id.split(":")[-1]
 )
@@ -38,7 +38,7 @@ def observing(case: Case, **options: Any) -> Env:
 
 
 def by_hand(states: Mapping[str, Any], sample: int, clip: float) -> list[float]:
-    """What is to be appended, of ``info["stl"]`` and the horizons in samples."""
+    """Return the appended numbers, from ``info["stl"]`` and the horizons in samples."""
     numbers: list[float] = []
     for name, horizon in HORIZONS.items():
         values = [states[name][key] for key in ("robustness", "lower", "upper")]
@@ -88,7 +88,7 @@ def test_a_reward_around_shows_the_same(case: Case, observe: Any) -> None:
 
 
 class Placed(gym.ObservationWrapper[Any, Any, Any]):
-    """Shows the observation in a dictionary."""
+    """Has the observation in a dictionary."""
 
     def __init__(self, env: Env) -> None:
         super().__init__(env)
@@ -120,7 +120,7 @@ def test_vector_dictionaries_match_single_environments(
 def same(
     makes: list[Make], autoreset: AutoresetMode, specs: Any, signals: dict[str, Any], **options: Any
 ) -> None:
-    """Environments monitored as one show what those monitored one by one do."""
+    """Check that environments monitored together show the same as alone."""
     options |= {"observe": "state", "clip": 2.0, "on_violation": "report"}
     together, singles = both(
         StlMonitor, VectorStlMonitor, makes, autoreset, specs, signals, **options
@@ -202,7 +202,7 @@ def with_obligations(case: Case, **options: Any) -> Env:
 
 
 def shown(text: str, series: list[float], **options: Any) -> list[list[float]]:
-    """Of each sample what is appended behind the five numbers of the state."""
+    """Return, for each sample, the numbers after the five numbers of the state."""
     arguments: Any = {"period": 1, "on_violation": "report", "clip": 9.0}
     env = StlMonitor(Replay(series, "none"), text, X, observe="obligations", **arguments | options)
     obs, _ = env.reset()

@@ -59,7 +59,7 @@ def test_no_other_end_is_moved(series: list[float], end: str, how: str) -> None:
         if all(item["lower"] > 0.0 for item in info["stl"].values())
     ]
     own_end = len(whole) - 1
-    # At the last sample the reading of the end has made bounds certain, which is no early end.
+    # At the last sample the end mode has made bounds certain, which is not an early end.
     expected = min([max(number, 1) for number in certain] + [own_end])
     infos = run(monitored(series, end, on_violation="report", details=True, on_satisfaction=how))
     assert len(infos) == expected + 1

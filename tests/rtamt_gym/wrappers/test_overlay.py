@@ -29,7 +29,7 @@ def made(env: gym.Env[Any, Any], **options: Any) -> RobustnessOverlay[Any, Any]:
 
 
 def frames(env: gym.Env[Any, Any]) -> list[Picture]:
-    """The frames of an episode, rendered one by one."""
+    """Return the frames of an episode, rendered one by one."""
     env.reset(seed=0)
     shown: list[Any] = [env.render()]
     ended = False
@@ -91,7 +91,7 @@ def test_every_frame_of_a_list_shows_its_own_sample(
     clean: bool,  # noqa: FBT001 - a case
 ) -> None:
     first = frames(made(Painted(VALUES), place=place))
-    # The scales of the bars only grow, so they are those of the end from the second episode on.
+    # The scales of the bars only grow, so from the second episode on they are at their end.
     env = made(Painted(VALUES), place=place)
     expected = [frames(env), frames(env)]
     assert all(map(np.array_equal, first, expected[0]))
@@ -178,7 +178,7 @@ def test_a_bar_shows_sign_and_size_without_colour(value: float) -> None:
 
     zero, plus, minus = drawn(0.0), drawn(value), drawn(-value)
     right, left = (np.flatnonzero((item != zero).any(axis=(0, 2))) for item in (plus, minus))
-    # The bars leave the middle to opposite sides, and reach equally far.
+    # The bars extend from the middle to opposite sides, equally far.
     assert abs(int(right.min()) - int(left.max())) <= 2
     assert abs(len(right) - len(left)) <= 3
     # A negative one is hatched: along it light and dark alternate.
@@ -215,7 +215,7 @@ def test_a_long_name_keeps_its_two_ends_and_leaves_the_bar_its_place() -> None:
         assert changed.size
         assert changed.max() < 0.35 * 600
     short = drawn("begin")[:, 210:]
-    assert (short != shown[:, 210:]).any()  # a short name leaves the bar more
+    assert (short != shown[:, 210:]).any()  # a short name leaves more space for the bar
 
 
 def test_signals_can_be_chosen() -> None:

@@ -27,7 +27,7 @@ TEXT = "always(position < 2 and speed < 1)"
 
 
 class Drift(gym.Env[Any, Any]):
-    """A random walk that names what it observes."""
+    """A random walk that names its observations."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
@@ -72,7 +72,8 @@ def test_what_is_not_given_is_read_as_the_environment_says(wrap: Callable[..., A
     given = trajectory_of(wrap(OWN))
     assert not difference(trajectory_of(wrap()), given)
     assert not difference(trajectory_of(wrap({"speed": "obs[1]"})), given)
-    assert difference(trajectory_of(wrap({"speed": "obs[0]"})), given)  # what is given wins
+    # Explicit signals have precedence.
+    assert difference(trajectory_of(wrap({"speed": "obs[0]"})), given)
     assert not difference(trajectory_of(pickle.loads(pickle.dumps(wrap()))), given)
 
 
@@ -99,7 +100,7 @@ def speed(step: Any) -> float:
 
 
 class Heard(Drift):
-    """It names a function."""
+    """An environment that names a function."""
 
     signals: Any = {**OWN, "speed": speed}  # noqa: RUF012 - as an environment has it
 

@@ -90,13 +90,13 @@ GAP = {"x": "lead: obs[0]", "y": "wing_0: obs[0]"}
 
 
 def near(crew: Crew | None = None, **options: Any) -> ParallelStlMonitor:
-    """A monitor of a crew whose agents come too near at sample 2."""
+    """Return a monitor of a crew whose agents are too close at sample 2."""
     options = {"at_termination": "complete", **options}
     return ParallelStlMonitor(crew or Crew(LINE), "always(x - y >= 2)", GAP, **options)
 
 
 def go(env: ParallelStlMonitor, steps: int = 1) -> tuple[Any, ...]:
-    """Makes steps; returns what the last one gives."""
+    """Make steps; return the result of the last one."""
     result: tuple[Any, ...] = ()
     for _ in range(steps):
         result = env.step({agent: np.array([0.5]) for agent in env.agents})
@@ -216,7 +216,7 @@ def test_an_end_that_counts_as_success_unasked_is_told_once() -> None:
 
 
 class Successful(Crew):
-    """A crew whose first agent reports a success of its own."""
+    """A crew whose first agent reports its own success."""
 
     def step(self, actions: dict[str, Any]) -> Any:
         result = super().step(actions)
@@ -238,7 +238,7 @@ def test_a_success_of_the_environments_own_is_kept_and_told_once() -> None:
 
 
 class Vanishing(Crew):
-    """A crew that is gone after one step, and says of nobody how."""
+    """A crew that is gone after one step, without a reason."""
 
     def step(self, actions: dict[str, Any]) -> Any:
         result = super().step(actions)

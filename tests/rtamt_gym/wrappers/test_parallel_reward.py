@@ -1,4 +1,4 @@
-"""`ParallelStlReward` pays every agent what `StlReward` would make of its own reward."""
+"""`ParallelStlReward` pays every agent the reward that `StlReward` would make of its own."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*clip:UserWarning")
 
 
 class Paid(OneOf):
-    """A crew as one, paid what one of its agents is paid, for as long as that is there."""
+    """A crew as one, paid the reward of one of its agents, until it leaves."""
 
     def __init__(self, crew: Crew, whose: str) -> None:
         super().__init__(crew)

@@ -42,7 +42,7 @@ def test_wrapper_needs_a_period() -> None:
     [
         ("time", (), 1),
         ("time", ("--period", "1"), 0),
-        ("A", (), 2),  # looks like times
+        ("A", (), 2),  # resembles times
         ("A", ("--time", "A"), 1),
         ("step", (), 0),  # per sample
         ("time", ("--dense",), 2),

@@ -32,7 +32,7 @@ GOOD = [3.0] * 8
 
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[int]]:
-    """What would be written: the numbers of the samples shown, by the name of the video."""
+    """Return the numbers of the samples that would be written, by the name of the video."""
     shown: dict[str, list[int]] = {}
 
     def keep(frames: Sequence[Picture], folder: str, *_: object, **named: Any) -> None:

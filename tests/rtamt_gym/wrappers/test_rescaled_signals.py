@@ -1,4 +1,4 @@
-"""Wrappers inside that rescale observations are recognized; signals can be read below them."""
+"""Inner wrappers that rescale observations are recognized; signals can be read below them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rtamt_gym.wrappers import batched
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::rtamt_gym.judging.end_warnings.OpenEndWarning"),
-    pytest.mark.filterwarnings(  # the statistics of a NormalizeObservation go on
+    pytest.mark.filterwarnings(  # the statistics of a NormalizeObservation continue
         "ignore::rtamt_gym.evaluation.replays.UnrepeatedSeedWarning"
     ),
 ]
@@ -98,7 +98,7 @@ def test_what_reads_no_observation_is_not_refused() -> None:
 
 
 def shown(env: Any, steps: int = 20) -> list[dict[str, Any]]:
-    """The infos of a run that only watches."""
+    """Return the infos of a run without an effect of the monitor."""
     infos, ended = [env.reset(seed=3)[1]], False
     for step in range(steps):
         if ended:
@@ -145,7 +145,7 @@ def test_below_reads_what_a_monitor_inside_would(
 
 @pytest.mark.parametrize("signals", [X, {"x": batched(lambda step: step.obs[:, 0])}, {"x": place}])
 def test_many_environments_are_read_beneath_too(signals: dict[str, Any]) -> None:
-    mode = AutoresetMode.NEXT_STEP  # Gymnasium's wrapper takes no other
+    mode = AutoresetMode.NEXT_STEP  # Gymnasium's wrapper accepts no other
     below = VectorStlMonitor(
         NormalizeObservations(sync([pole] * 3, mode)), SPEC, signals, below=True
     )

@@ -1,4 +1,4 @@
-"""Bounds that are not multiples of a step are rounded alike by monitors and simulations."""
+"""Monitors and simulations round bounds that are not multiples of a step equally."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +27,7 @@ MODEL = """<mujoco><option timestep="0.02"/><worldbody>
 
 
 def episode(specs: str, **options: Any) -> list[float]:
-    """The robustness after each step of an episode."""
+    """Return the robustness after each step of an episode."""
     env = rtamt_gym.StlMonitor(
         gym.make("CartPole-v1"), specs, SIGNALS, on_violation="report", **options
     )

@@ -33,7 +33,7 @@ TRACE = np.array([[0, 0], [4, 0], [0, 1], [0, 0], [5, 3], [1, 6], [2, 0]], np.fl
 
 
 class Pairs(gym.Env[Any, Any]):
-    """Observes pairs of numbers, in an order that the seed gives; the last ends the episode."""
+    """Observes pairs of numbers, in an order of the seed; the last ends the episode."""
 
     observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
     action_space = spaces.Discrete(2)

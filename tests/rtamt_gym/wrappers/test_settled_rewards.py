@@ -36,7 +36,7 @@ def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any,
 
 
 def steps_of(env: gym.Env[Any, Any]) -> list[tuple[float, dict[str, Any]]]:
-    """The rewards and infos of an episode."""
+    """Return the rewards and infos of an episode."""
     env.reset(seed=1)
     result = []
     ended = False

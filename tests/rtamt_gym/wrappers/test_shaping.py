@@ -52,7 +52,7 @@ def test_the_minimum_tells_the_zeros_apart(values: list[float]) -> None:
 
 
 class Traced:
-    """An array that has no numbers yet, as those have of which JAX compiles a function."""
+    """An array without numbers, as in JAX while it compiles a function."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -96,7 +96,7 @@ def test_arrays_are_computed_by_their_own_library(monkeypatch: pytest.MonkeyPatc
     standard: Any = SimpleNamespace(__array_namespace__=lambda: library("of the array"))
     assert shaping.clip(standard, 2.0) == ("of the array", standard, -2.0, 2.0)
     monkeypatch.setitem(sys.modules, "torch", library("torch"))
-    tensor: Any = SimpleNamespace()  # those of torch have no __array_namespace__
+    tensor: Any = SimpleNamespace()  # torch has no __array_namespace__
     assert shaping.clip(tensor, 2.0) == ("torch", tensor, -2.0, 2.0)
 
 
@@ -211,7 +211,7 @@ def test_arrays_are_floats_environment_by_environment(
     )
     for i in range(entries):
         one = shape.robustness(before[:, i].tolist()), shape.robustness(after[:, i].tolist())
-        # numpy's exp and log may differ from those of math in the last digit.
+        # exp and log of NumPy may differ from math in the last digit.
         assert (x[i], x_after[i]) == pytest.approx(one, rel=1e-12)
         expected = shape.reward(float(reward[i]), *one, bool(terminated[i]), bool(ended[i]))
         assert result[i] == pytest.approx(expected, rel=1e-12)
@@ -266,7 +266,7 @@ def test_weights_make_units_comparable() -> None:
     shape = Shaping.of(["angle", "place"], mode="add", weights={"angle": 10.0})
     assert shape.robustness([0.05, 0.6]) == 0.5
     assert shape.robustness([0.08, 0.6]) == 0.6
-    assert shape.robustness([0.2, 1.5]) == 1.0  # the clip, if none is given
+    assert shape.robustness([0.2, 1.5]) == 1.0  # the clip, by default
 
 
 @pytest.mark.parametrize(

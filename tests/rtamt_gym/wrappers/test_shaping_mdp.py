@@ -1,4 +1,4 @@
-"""Value iteration on a small finite problem: which policies shaping changes."""
+"""Value iteration on a small finite problem: the policies that shaping changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPECS = {"away": "always(x < 4.5)", "home": "eventually(x < 0.5)"}
 
 
 class Ledge(gym.Env[Any, Any]):
-    """A walk on 0 to 6: home at 0 pays 1, the treasure at 6, beyond what is allowed, pays 5."""
+    """A walk on 0 to 6: home at 0 pays 1, the treasure at 6, beyond the limit, pays 5."""
 
     observation_space = spaces.Box(0.0, 6.0, (1,), np.float64)
     action_space = spaces.Discrete(3)  # left, stay, right
@@ -63,12 +63,12 @@ State = tuple[float, ...]
 
 @dataclass
 class Graph:
-    """All states that can be reached, as the learner sees them, and what every action does there.
+    """All reachable states, as the learner sees them, and the effect of every action.
 
     Attributes:
         start: The state of reset.
         moves: By state and action: next state, None at the end; own reward; shaped reward.
-        potential: Robustness as the reward takes it.
+        potential: The robustness in the reward.
     """
 
     start: State
@@ -92,7 +92,7 @@ def explore(env: StlReward[Any, Any]) -> Graph:
             if after is not None:
                 ahead.append((after, info["robustness"], copy))
         if state in graph.moves:
-            # Another way to the same observation: a learner must not be able to tell.
+            # Another path to the same observation, which a learner cannot distinguish.
             assert graph.moves[state] == moves
             assert graph.potential[state] == np.clip(robustness, -3.0, 3.0)
             continue
@@ -103,7 +103,7 @@ def explore(env: StlReward[Any, Any]) -> Graph:
 
 
 def action_values(graph: Graph, *, shaped: bool) -> dict[State, list[float]]:
-    """The value of every action in every state, by value iteration."""
+    """Return the value of every action in every state, by value iteration."""
     value = dict.fromkeys(graph.moves, 0.0)
     while True:
         actions = {
@@ -146,7 +146,7 @@ def test_every_other_mode_changes_it(mode: Mode) -> None:
 
 
 def walk(env: StlReward[Any, Any], actions: list[int]) -> tuple[float, float, bool]:
-    """Discounted returns, shaped and own, and whether all specifications were satisfied."""
+    """Return discounted returns, shaped and own, and whether all specifications were satisfied."""
     env.reset()
     shaped = own = 0.0
     info: dict[str, Any] = {}

@@ -18,7 +18,7 @@ from rtamt_gym import StlMonitor
 
 
 class Timeless(gym.Env[Any, Any]):
-    """Does not say its period."""
+    """An environment without a period."""
 
     observation_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
     action_space = spaces.Discrete(2)

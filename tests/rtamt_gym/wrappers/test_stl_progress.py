@@ -31,7 +31,7 @@ def steered(obs: Any, early: bool) -> int:  # noqa: FBT001 - an observation
 
 
 STAGES = {"calm": ["x > -0.01", "x > 0.03"]}
-"""Of a requirement that is not in order; those that are keep theirs."""
+"""Of a requirement that is not in order; the ordered ones keep theirs."""
 
 
 def pole(**options: Any) -> StlMonitor[Any, Any]:

@@ -27,7 +27,7 @@ FALLING = [1.5, 1.25, 1.75, 0.5]
 
 
 def rewards(env: gym.Env[Any, Any]) -> list[float]:
-    """What one episode pays, step by step."""
+    """Return the rewards of one episode, step by step."""
     env.reset(seed=1)
     paid: list[float] = []
     ended = False
@@ -124,7 +124,7 @@ def test_safety_comes_before_target_before_comfort() -> None:
         priorities={"dry": "safety", "there": "target", "gentle": "comfort"},
         on_violation="report",
     )
-    # Dry and on the way; there, and gentle by 0.1; wet.
+    # Dry and moving; arrived, and gentle by 0.1; wet.
     assert rewards(env) == [0.5, pytest.approx(2.1), -0.25]
 
 
@@ -161,7 +161,7 @@ def test_the_arguments_of_the_monitor_are_those_of_the_reward() -> None:
         for name, parameter in inspect.signature(StlMonitor).parameters.items()
         if parameter.kind is parameter.KEYWORD_ONLY
     }
-    # What is observed, and within which bounds, is an argument of both.
+    # The observation, and its bounds, are arguments of both.
     assert options == set(StlMonitorOptions.__annotations__) | {"observe", "clip"}
 
 
@@ -228,7 +228,7 @@ SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}
 
 
 class Places(gym.ObservationWrapper[Any, Any, Any]):
-    """Shows the observation in a dictionary whose keys are out of order."""
+    """Has the observation in a dictionary with unsorted keys."""
 
     def __init__(self, env: gym.Env[Any, Any], key: str = "z") -> None:
         super().__init__(env)
@@ -251,7 +251,7 @@ def test_the_state_of_the_monitor_is_a_key_of_a_dictionary() -> None:
     assert space["stl"].dtype == np.float32
     last = observed(env)[-1]
     assert last["z"].tolist() == [1.5]
-    # The environment ended: what was not reached in time is violated.
+    # The environment ended: goals that were not reached in time are violated.
     assert last["stl"].tolist() == [0.5, 0.5, 0.5, 1.0, 1.0, -2.0, -2.0, -2.0, 0.75, -1.0]
 
 

@@ -25,7 +25,7 @@ Look = Callable[[Any], float]
 
 @dataclass(frozen=True)
 class Case:
-    """An environment, how many steps its simulation makes in one of its, and what to look at."""
+    """An environment, its simulation steps per step, and its signal."""
 
     env_id: str
     frames: int
@@ -65,7 +65,7 @@ cases = item(*CASES)
 
 
 def frames_of(case: Case, seed: int, steps: int) -> list[float]:
-    """What a simulation shows at reset and after every step of its own, run by hand."""
+    """Return the states of a simulation at reset and after every step of its own, run by hand."""
     env = case.bare()
     env.reset(seed=seed)
     env.action_space.seed(seed)
@@ -174,7 +174,7 @@ def test_the_period_is_the_simulations(case: Case) -> None:
     env.close()
 
 
-# The info of Ant-v5 speaks of positions derived before, which no state of MuJoCo holds.
+# The info of Ant-v5 has positions derived before, which are not in MuJoCo's state.
 @item(*(case for case in CASES if case.env_id != "Ant-v5"))
 @pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_in_mid_episode_continues_as_the_original(
@@ -239,7 +239,7 @@ def test_the_action_holds_during_a_step() -> None:
     assert env.step(action)[4]["robustness"] == -2.5
     judge = env.monitors["spec"][1]
     assert judge.samples == 6
-    # Sample 0 has the default, and is the only one that has it.
+    # Only sample 0 has the default.
     assert judge.verdict is rtamt.Verdict.VIOLATED
 
 
@@ -311,7 +311,7 @@ def test_environments_of_a_vector_are_wrapped_one_by_one() -> None:
 
 
 class Rebuilt(InvertedPendulumEnv):
-    """Builds its simulation anew at every reset, as one does whose model is drawn."""
+    """Builds its simulation again at every reset, as with random models."""
 
     def reset(self, **arguments: Any) -> Any:
         self.model, self.data = self._initialize_simulation()

@@ -16,7 +16,7 @@ from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 
 
 class OwnStep(InvertedPendulumEnv):
-    """Steps its simulation without the function that is followed."""
+    """Steps its simulation without the monitored function."""
 
     def do_simulation(self, ctrl: Any, n_frames: int) -> None:
         self.data.ctrl[:] = ctrl
@@ -32,7 +32,7 @@ def test_a_bound_must_be_a_multiple_of_the_simulations_period_only() -> None:
     with pytest.raises(SpecificationError, match=r"not a multiple of the period 0\.04 s") as caught:
         StlMonitor(env, "eventually[0:0.02](x > 1)", {"x": "qpos[0]"})
     assert caught.value.__notes__ == ["substeps=True takes samples 0.02 s apart, which fits"]
-    # Not for a bound that no simulation step divides, nor where the period was the caller's.
+    # Not for a bound that no simulation step divides, nor for a period of the caller.
     for spec, period in [("eventually[0:0.03](x > 1)", None), ("eventually[0:0.02](x > 1)", 0.04)]:
         with pytest.raises(SpecificationError, match="not a multiple") as caught:
             StlMonitor(env, spec, {"x": "qpos[0]"}, period=period)

@@ -28,7 +28,7 @@ FIXED = np.full(1, 0.5, np.float32)
 
 
 class Distances(gym.Env[Any, Any]):
-    """Says in its info how far the goal is; at reset only if it is told to."""
+    """Has the distance of the goal in its info; at reset only on request."""
 
     observation_space = spaces.Box(-9, 9, (1,))
     action_space = spaces.Box(-1, 1, (1,))

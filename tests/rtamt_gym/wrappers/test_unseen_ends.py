@@ -25,7 +25,7 @@ ACTION = np.zeros(1)
 
 
 class Bored(gym.Wrapper[Any, Any, Any, Any]):
-    """Terminates an episode after two steps, as a wrapper of a user might."""
+    """Terminates an episode after two steps, as a user's wrapper might."""
 
     def reset(self, **options: Any) -> Any:
         self.steps = 0
@@ -46,7 +46,7 @@ def monitored(**options: Any) -> StlMonitor[Any, Any]:
 
 
 def episodes(env: gym.Env[Any, Any], count: int = 2) -> list[dict[str, Any]]:
-    """The last infos of some episodes, as a learner sees them."""
+    """Return the last infos of some episodes, as a learner sees them."""
     last = []
     for _ in range(count):
         env.reset(seed=1)
@@ -86,7 +86,7 @@ def test_unseen_end_is_recorded_and_warned_about_once(
 
 
 def success_buffer(env: gym.Env[Any, Any], count: int) -> list[bool]:
-    """What Stable-Baselines3 averages: ``is_success`` of last infos that have it."""
+    """Return the values that Stable-Baselines3 averages: ``is_success`` of last infos with it."""
     result = [info.get("is_success") for info in episodes(env, count)]
     return [item for item in result if item is not None]
 
@@ -164,7 +164,7 @@ class Around(VectorWrapper):
 
 
 def reset_early(envs: Any, times: int) -> None:
-    """Resets after one step all environments, and after another the first alone."""
+    """Reset all environments after one step, and only the first one after another."""
     for _ in range(times):
         envs.reset()
         envs.step(np.zeros((2, 1)))

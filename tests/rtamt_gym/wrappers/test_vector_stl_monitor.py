@@ -25,19 +25,19 @@ modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 monitored = functools.partial(both, StlMonitor, VectorStlMonitor, on_violation="report")
 
 
-# Of highway-env's environments the quick one will do.
+# The quick environment of highway-env is sufficient.
 QUICK = [case for case in CASES if "highway-fast" not in case.env_id]
 
 
 def bare(case: Case) -> list[Make]:
-    """Episodes of different lengths, so that they do not end together."""
+    """Return episodes of different lengths, so that they do not end together."""
     return [
         functools.partial(gym.make, case.env_id, max_episode_steps=limit) for limit in (6, 40, 9)
     ]
 
 
 @pytest.mark.slow(keep=8)
-@pytest.mark.filterwarnings("ignore:expected samples")  # the period fits the bounds alone
+@pytest.mark.filterwarnings("ignore:expected samples")  # the period fits only the bounds
 @modes
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.env_id.split(":")[-1])
 @pytest.mark.parametrize("view", ["episode", "step"])
@@ -64,7 +64,7 @@ def test_trajectories_and_infos_are_those_of_environments_wrapped_one_by_one(
 
 
 def strip(shown: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Without the actions in highway-env's infos of a reset, which nobody took and no seed drew."""
+    """Remove the random actions in highway-env's infos of a reset, which no seed repeats."""
     infos = {key: value for key, value in shown[-1].items() if key.strip("_") != "action"}
     return (*shown[:-1], infos)
 
@@ -99,7 +99,7 @@ def test_observations_and_infos_may_be_nested(mode: AutoresetMode) -> None:
 
 
 class Nested(gym.Env[Any, Any]):
-    """Dictionaries and tuples all the way."""
+    """Nested dictionaries and tuples."""
 
     observation_space = spaces.Dict(
         {"pair": spaces.Tuple([spaces.Box(-9, 9, (2,)), spaces.Discrete(9)]), "t": spaces.Text(3)}
@@ -176,7 +176,7 @@ def test_a_native_environment_is_monitored_as_recorded_traces_are() -> None:
 
 
 def plain(info: dict[str, Any]) -> dict[str, Any]:
-    """With numbers of Python instead of numpy's."""
+    """Return it with Python numbers instead of NumPy's."""
     return {
         key: plain(value) if isinstance(value, dict) else np.array([value]).tolist()[0]
         for key, value in info.items()

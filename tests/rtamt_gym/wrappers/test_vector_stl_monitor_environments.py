@@ -51,7 +51,7 @@ def test_asynchronous_environments_say_what_synchronous_ones_say(mode: Autoreset
 
 
 class Bare(VectorEnv[Any, Any, Any]):
-    """Counts up to 3 in every environment: no masks of keys, batches at the end, if anything."""
+    """Counts up to 3 in every environment: no masks of keys, batches only at the end."""
 
     def __init__(self, mode: AutoresetMode | None, *, ends: bool = True) -> None:
         self.metadata = {} if mode is None else {"autoreset_mode": mode}

@@ -36,7 +36,7 @@ def test_environments_stay_open_after_an_error(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_shared_metadata_do_not_change_the_autoreset_mode() -> None:
-    # In Gymnasium before 1.4, the vector environment that is made last sets the mode of all.
+    # In Gymnasium before 1.4, the last created vector environment sets the mode of all.
     envs = sync([lambda: Replay([1.0])], AutoresetMode.SAME_STEP)
     envs.metadata["autoreset_mode"] = AutoresetMode.DISABLED
     assert autoreset_mode(envs) is AutoresetMode.SAME_STEP
@@ -44,7 +44,7 @@ def test_shared_metadata_do_not_change_the_autoreset_mode() -> None:
 
 
 class Numbers(VectorWrapper):
-    """Tells one of the ends in numbers."""
+    """Reports one of the ends in numbers."""
 
     def __init__(self, env: Any, place: int) -> None:
         super().__init__(env)

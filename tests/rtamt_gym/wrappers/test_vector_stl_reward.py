@@ -22,7 +22,7 @@ from rtamt_gym.shaping import Mode
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:clip=.* flattens the values of"),  # it is narrow here
-    pytest.mark.filterwarnings("ignore:expected samples"),  # the period fits the bounds alone
+    pytest.mark.filterwarnings("ignore:expected samples"),  # the period fits only the bounds
 ]
 
 modes = pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
@@ -39,7 +39,7 @@ def compare(
     signals: dict[str, Any],
     **options: Any,
 ) -> str:
-    """Where the environments shaped as one differ from those shaped one by one."""
+    """Return the difference between environments shaped together and one by one."""
     options = {"on_violation": "report", **options}
     together, singles = both(
         StlReward, VectorStlReward, makes, autoreset, specs, signals, **options
@@ -66,7 +66,7 @@ def test_the_state_of_the_monitor_is_observed_as_in_single_environments(
 
 
 class Still(gym.Wrapper[Any, Any, Any, Any]):
-    """Without the action in the info of highway-env's reset, which no seed draws."""
+    """Removes the action in the info of highway-env's reset, which no seed repeats."""
 
     def __init__(self, make: Make) -> None:
         super().__init__(make())

@@ -35,7 +35,7 @@ OPTIONS: dict[str, Any] = {"at_termination": "complete", "period": 1}
 
 
 def expected_end(series: list[float], words: dict[str, str]) -> tuple[int, str] | None:
-    """The step and the word of the end that violations make; None if they make none."""
+    """Return the step and the word of an end by violations; None without one."""
     seen: set[str] = set()
     for step, x in enumerate(series):
         violated = {"a": x <= 0, "b": x <= 1, "c": x == 2}

@@ -51,14 +51,14 @@ def silently(test: Any) -> Any:
 
 
 def arguments(case: Case, **options: Any) -> dict[str, Any]:
-    """The arguments of a wrapper; cases are dropped whose cost their formulas do not have."""
+    """Return the arguments of a wrapper; drop cases with a cost that their formulas do not have."""
     charged = case.options.cost in ("violation", "depth")
     assume(not charged or chargeable(case.specs, case.options.view))
     return {**vars(case.options), "signals": variables(case.specs), "period": 1, **options}
 
 
 def shaped(case: Case, shape: str, **options: Any) -> dict[str, Any]:
-    """The arguments of a reward."""
+    """Return the arguments of a reward."""
     if shape == "hierarchical":
         options["priorities"] = dict(zip(case.specs, LEVELS, strict=False))
     return arguments(case, on_violation="report", mode=shape, **options)
@@ -68,7 +68,7 @@ def shaped(case: Case, shape: str, **options: Any) -> dict[str, Any]:
 
 
 def check(case: Case) -> None:
-    """Play the scripts one after the other; the next reset leaves those without an end."""
+    """Play the scripts one after the other; the next reset leaves episodes without an end."""
     options: dict[str, Any] = vars(case.options)
     env = StlMonitor(
         Scripted(case.entries[0]), case.specs, variables(case.specs), period=1, **options
@@ -119,7 +119,7 @@ def test_costs_of_instants_by_definition(case: Case) -> None:
 
 
 class Row(NamedTuple):
-    """A reset of some or a step of all: the infos, and how episodes ended."""
+    """A reset of some environments or a step of all: the infos, and the ends of episodes."""
 
     resets: NDArray[np.bool_] | None
     flags: list[Flags]
@@ -127,7 +127,7 @@ class Row(NamedTuple):
 
 
 def lead(envs: Envs) -> list[Row]:
-    """A reset and steps; with `DISABLED` the ended are reset, and now and then one that runs."""
+    """Reset and step; with `DISABLED` reset ended episodes, and sometimes a running one."""
     shown = [Row(np.ones(ENTRIES, np.bool_), [RUNNING] * ENTRIES, envs.reset()[1])]
     for step in range(18):
         *_, terminated, truncated, infos = envs.step(np.zeros(ENTRIES, np.int64))
@@ -143,7 +143,7 @@ def lead(envs: Envs) -> list[Row]:
 
 
 def follow(env: StlMonitor[Any, Any], shown: list[Row], entry: int, mode: AutoresetMode) -> None:
-    """Lead one environment as it was led among the others, and compare its infos."""
+    """Repeat the calls of one environment alone, and compare its infos."""
     ended = False
     for row in shown:
         infos = row.infos
@@ -165,7 +165,7 @@ def follow(env: StlMonitor[Any, Any], shown: list[Row], entry: int, mode: Autore
 
 
 def of_entry(infos: dict[str, Any], entry: int) -> dict[str, Any]:
-    """The info of one environment, as it would be alone, without final entries."""
+    """Return the info of one environment as if alone, without final entries."""
     single: dict[str, Any] = {}
     for key, value in infos.items():
         if key.startswith("_") or key in ("final_info", "final_obs") or not infos[f"_{key}"][entry]:
@@ -314,7 +314,7 @@ def test_copy_of_a_vector_monitor_continues(mode: AutoresetMode, case: Case, bef
 
 
 def costs(text: str, values: list[float], cost: Cost, **options: Any) -> list[float]:
-    """The costs of the steps, the same of one environment and of many."""
+    """Return the costs of the steps, equal for one environment and for many."""
     options = {"period": 1, "cost": cost, "on_violation": "report", **options}
     env = StlMonitor(Replay(values), text, X, **options)
     make = functools.partial(Replay, values)
