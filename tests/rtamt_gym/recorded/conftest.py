@@ -7,6 +7,6 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, which is empty."""
+    """Change to an empty working directory and return it."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
