@@ -15,7 +15,7 @@ import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.program.algebra import FOLDS
-from rtamt.program.instructions import Map, Window
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.program import Program
 from rtamt.typing import Align, Period
 from rtamt_arrays.functions import FUNCTIONS, Fold, Lattice, exact, slide
@@ -67,7 +67,7 @@ def robustness_of(
                 )
                 begin = lo + before
                 registers.append(slide(fold, x, hi - lo + 1)[-1][begin : begin + n])
-            case _:
+            case Load() | Const():
                 msg = "an input after the terms"
                 raise AssertionError(msg)
     result = o.broadcast(registers[program.result], shape)

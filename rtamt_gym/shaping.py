@@ -38,10 +38,12 @@ arrays of shape (environments,), of NumPy, of JAX or of torch. Flags (``ended``,
 1 or 0 in arrays, otherwise True or False.
 
 To add a mode: its name in `Mode`, one case of `Shaping.reward` and a row of the table above; if it
-depends on the episode or on bounds, also `pays_episode` or `pays_bounds`. The case computes with
-floats and arrays of every library, so `rtamt_arrays` needs no change. Describe the mode in
-the docstring of `StlReward`, in ``docs/gymnasium.md`` and in ``docs/learning.md``. The tests run
-every name in `Mode`, with the options from ``tests/support/replay.py``.
+depends on the episode or on bounds, also `pays_episode` or `pays_bounds`; if it ignores the weight
+or the robustness, `pays_robustness`. The case computes with floats and arrays of every library, so
+`rtamt_arrays` needs no change. Describe the mode in the docstrings of `StlReward` and
+`ParallelStlReward`, in ``docs/gymnasium.md`` and in ``docs/learning.md``. The tests run every name
+in `Mode`, with the options from ``tests/support/replay.py``; an error in
+``tests/rtamt_gym/wrappers/errors.txt`` lists all modes.
 """
 
 from __future__ import annotations

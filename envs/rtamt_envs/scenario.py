@@ -3,7 +3,8 @@
 To add a scenario, add a file to this folder with its ``SCENARIO``, and a row to `SCENARIOS`, which
 registers it and tests it in ``tests/rtamt_envs/test_contract.py``. Add ``test_NAME.py`` and, for a
 second model that shares no code with it, ``test_validation_NAME.py`` in ``tests/rtamt_envs`` and a
-file in ``tests/support/models``. Add a row to the table of scenarios in ``docs/simulations.md``.
+file in ``tests/support/models``. Add a row to the table of scenarios in ``docs/simulations.md``,
+and correct the number of models at the top of that page.
 """
 
 from __future__ import annotations

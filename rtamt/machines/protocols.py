@@ -1,4 +1,4 @@
-"""The interface of each machine in both back-ends.
+r"""The interface of each machine in both back-ends.
 
 Each machine exists at least twice: in C++, in `rtamt._native`, under the name of its protocol, and
 in Python, with ``Python`` in front (`PythonDiscreteMachine`). The Python machine is the definition:
@@ -21,19 +21,24 @@ every kind of instruction and names its changing fields in ``STATE``, and a fiel
 To add an end mode, such as ``end="cut"``: add its name to `End`, and its worlds to `World`. mypy
 then lists each ``match`` with ``assert_never`` that must read them. Also give it a meaning in
 
-- ``walk``, ``episode/streams`` and ``dense/regions`` of `rtamt.machines`, where they read ``cut``;
+- ``walk``, ``episode/machine``, ``episode/streams`` and ``dense/regions`` of `rtamt.machines`:
+  ``git grep -nE "\.cut|\.opened|== .cut"`` finds these conditions, which mypy cannot;
 - ``rtamt/native``: ``core/order.hpp`` and ``python/encoding.cpp``; the compiler then warns of each
   ``switch`` that must read it. Worlds are in ``episode/polynomials.hpp`` and ``dense/regions.hpp``;
-- `rtamt.monitors`: ``traces``, ``judgement``, ``judgements``, ``many`` and ``explainer``, and
-  ``TraceSpan`` in `rtamt.program.implications`;
-- `rtamt.checking.encoding`, where it reads ``cut``; `rtamt_arrays.monitor_set`;
+  ``git grep -nE "is_cut|kCut|End::cut|cut_lower"`` finds the other conditions;
+- `rtamt.monitors`: ``traces``, ``judgement``, ``judgements``, ``many``, ``explainer`` and
+  ``evidence``, and ``TraceSpan`` in `rtamt.program.implications`;
+- `rtamt.checking.encoding`, where it reads ``cut``;
+- `rtamt_arrays`: ``monitor_set``, and for values of its own ``update_and_cut`` of ``episode`` and
+  ``torch/monitors``, and ``_merge_cut`` of ``continuations``;
 - `rtamt_gym`: ``commands/judging``, ``commands/group_judging``, ``recorded/judge`` and
   ``reports/episodes``.
 
 Describe it in ``docs/ends.md``, in ``finish`` of the monitors, in `rtamt.judge`, and in the options
 ``end``, ``at_termination`` and ``at_truncation`` of `rtamt_gym.options.evaluation`, which commands,
 wrappers and nodes take their choices from. ``tests/support/end_oracle.py`` defines every end mode
-again; ``git grep "complete.*cut.*open"`` finds the tests, errors and pages that list all of them.
+again. ``git grep -nE "complete.*(cut.*open|open.*cut)|(cut|open).*complete"`` finds the tests,
+errors and pages that list all of them.
 """
 
 from __future__ import annotations

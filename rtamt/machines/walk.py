@@ -221,11 +221,10 @@ class Walk:
 
     def _made_tail(self, register: int, world: World) -> _Tail:
         n, instruction = self._n, self._program.instructions[register]
-        match instruction:
-            case Load():
-                return _Tail(n, _UNSEEN[world.best])
-            case Const(value):
-                return _Tail(n, np.array([_key(value)]))
+        if isinstance(instruction, Load):
+            return _Tail(n, _UNSEEN[world.best])
+        if isinstance(instruction, Const):
+            return _Tail(n, np.array([_key(instruction.value)]))
         tails = [self._tail(a, world) for a in instruction.args]
         known, last = min(t.settled for t in tails), max(t.last for t in tails)
         match instruction:

@@ -29,9 +29,12 @@ alone. The machines rely on its laws, and ``tests/rtamt/program/test_algebra.py`
 
 Sum, mean and AGM robustness cannot be rows: a sum is not idempotent, and a mean makes numbers that
 no operand has. They need a fifth instruction in `rtamt.program.instructions`, ``AVERAGE lo hi``,
-and other functions than min and max for ``and`` and ``or``. mypy then lists each ``match`` with
-``assert_never`` that must run or refuse it. Search for ``isinstance`` and ``case`` with `Window`
-too, and for ``Opcode`` in ``rtamt/native``. `lattice_of` in `rtamt_arrays.offline`, for
+and other functions than min and max for ``and`` and ``or``. mypy then lists each ``match``
+that must run or refuse it, because the match statements of `rtamt.program`, `rtamt.machines`,
+`rtamt.monitors` and `rtamt_arrays` name every kind (``exhaustive-match`` in ``pyproject.toml``).
+Search for ``isinstance`` with `Window` too. In ``rtamt/native``, search for ``Opcode``,
+``RTAMT_KINDS``, ``"WINDOW"`` and ``"MAP"``: the machines of episodes and of dense time and the FMUs
+compare names. `lattice_of` in `rtamt_arrays.offline`, for
 ``semantics="smooth"``, is the only semantics with other means so far.
 """
 

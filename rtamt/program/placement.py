@@ -14,7 +14,7 @@ from typing import assert_never
 from rtamt.errors import SpecificationError
 from rtamt.language.interval import applied
 from rtamt.program.algebra import FOLDS
-from rtamt.program.instructions import Const, Instruction, Map, Window
+from rtamt.program.instructions import Const, Instruction, Load, Map, Window
 from rtamt.program.program import Program
 
 MAX_UNKNOWNS = 8
@@ -50,6 +50,8 @@ def place(program: Program) -> Placement:
                 streams.update(args)
                 if hi is None and register in streams:
                     unknowns.append(register)
+            case Load() | Const():
+                pass
     if len(unknowns) > MAX_UNKNOWNS:
         written = len({program.sources[register] for register in unknowns})
         expanded = ""

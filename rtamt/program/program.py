@@ -186,7 +186,7 @@ class Program:
                         if last >= 0:  # nothing is read before sample 0
                             for a in args:
                                 times.setdefault(a, set()).add((first, last))
-                case _:
+                case Load() | Const():
                     pass
         return frozenset(variables)
 
@@ -309,4 +309,7 @@ def ranges_of(program: Program, variables: Sequence[Range]) -> list[Range]:
                 if values is None:
                     break
                 ranges.append(values)
+            case Window():
+                msg = "a window among the terms"
+                raise AssertionError(msg)
     return ranges

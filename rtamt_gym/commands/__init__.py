@@ -1,11 +1,12 @@
 """The commands of `rtamt`: a row here, and a module of the same name.
 
-To add a command: a row of `COMMANDS`, a module of the same name here, and a section of
-``docs/commands.md``. Then run ``tests/support/command_options.py``, which writes
-``docs/reference/commands.md``; ``tests/project/test_docs.py`` compares it with the parsers.
-``tests/project/test_suites.py`` expects a quick test that runs the command. A command with
-specifications and traces, which ``--`` separates, is in `OF_TRACES`; one that needs an extra is in
-``_NEEDS`` of `rtamt_gym.commands.errors`. For ``--json``, see `rtamt_gym.results.codec`.
+To add a command: a row of `COMMANDS`, a module of the same name here, and a row of the first table
+of ``docs/commands.md``, with a section there or a link to its page. Then run
+``tests/support/command_options.py``, which writes ``docs/reference/commands.md``;
+``tests/project/test_docs.py`` compares it with the parsers. ``tests/project/test_suites.py``
+expects a quick test that runs the command. A command with specifications and traces, which ``--``
+separates, is in `OF_TRACES`; one that needs an extra is in ``_NEEDS`` of
+`rtamt_gym.commands.errors`. For ``--json``, see `rtamt_gym.results.codec`.
 """
 
 COMMANDS = {

@@ -15,7 +15,12 @@ To add an evaluation option, such as ``nan=``:
    flag in ``add_options``.
 4. Add a row to the table of options in ``docs/gymnasium.md``. Run
    ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
-5. An option of recorded traces is also in ``RecordedKeywords`` of `rtamt_gym.commands.recordings`.
+5. An option of recorded traces is also in ``RecordedKeywords`` and the docstring of
+   `rtamt_gym.commands.recordings`; in ``_READING`` of `rtamt_gym.commands.fleet`, on which the
+   outcomes in a folder of results depend; in ``_rules`` of `rtamt_gym.commands.monitor`, which JSON
+   and JUnit show; and in ``_RULES``, ``parts`` and ``_FOLDER_OPTIONS`` of
+   `rtamt_gym.reports.traces`, with which the page judges a trace again.
+6. ``test_branches.py`` lists options of samples and of instants.
    ``test_saved_cases.py``, ``test_readings.py``, ``test_relabel_errors.py`` and ``OTHERS`` of
    ``test_evaluation_options.py`` list the options.
 """

@@ -10,11 +10,11 @@ To add a format:
    ``clocks``.
 2. Add a writer to ``tests/rtamt_gym/recorded/test_formats.py``, which runs `check_trace_format` on
    every format with one trace in a file, and rows to ``docs/traces.md``, ``docs/commands.md`` and,
-   for the files of a tool, ``docs/tools.md``. A library is an extra of ``pyproject.toml``, listed
-   in ``docs/installation.md``, in `rtamt_gym.checks.extras` and in
-   ``tests/project/test_packaging.py``. An error in ``tests/rtamt_gym/commands/test_cli_errors.py``
-   lists all extensions, and so does ``docs/reference/commands.md``, which
-   ``tests/support/command_options.py`` writes.
+   for the files of a tool, ``docs/tools.md``. A library is an extra of ``pyproject.toml`` and
+   part of the extra ``all``, listed in ``docs/installation.md``, in `rtamt_gym.checks.extras` and
+   in ``tests/project/test_packaging.py``; without types, it is also in the overrides of mypy. An
+   error in ``tests/rtamt_gym/commands/cli_errors.txt`` lists all extensions, and so does
+   ``docs/reference/commands.md``, which ``tests/support/command_options.py`` writes.
 3. If commands write robustness in the format, add a row to ``WRITERS`` of
    `rtamt_gym.recorded.output`.
 """

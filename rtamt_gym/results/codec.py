@@ -7,8 +7,8 @@ finite; missing values are null or left out. Every file has the keys ``"format"`
 To add a kind of result (the ``--json`` output of a new command): its name and writer in `KINDS`,
 its text by `document`, a function in `rtamt_gym.reports` that makes a `Section` from the blocks of
 `rtamt_gym.reports.model`, and a row of ``SECTIONS`` in `rtamt_gym.reports.write`. A class that
-users save and load derives from `SavedResult`. List the kind in
-``docs/results.md``, and write a file of it in ``written`` of
+users save and load derives from `SavedResult`. List the kind in ``docs/results.md``, and its
+command under "Reports" in ``docs/commands.md``. Write a file of it in ``written`` of
 ``tests/rtamt_gym/results/test_codec.py``, which checks the form of every kind. An error in
 ``tests/rtamt_gym/reports/test_results.py`` lists the writers of all kinds.
 """

@@ -12,7 +12,10 @@ To add a statistic of a requirement over many trials:
 3. List the key under "Statistics" in ``docs/results.md``. A new column changes the tables in
    ``docs/evaluation.md`` and ``docs/commands.md``; their tests show the new lines. It also changes
    the exact keys in ``tests/rtamt_gym/recorded/test_outcome_files.py``, and the tables in
-   ``docs/tutorials/environment.md``.
+   ``docs/tutorials/environment.md``, ``test_tables.py`` (``tests/rtamt_gym/evaluation``),
+   ``test_sweep.py`` (``search``) and ``test_sweep_command.py`` (``commands``). If a table of
+   evaluations is then wider than 80 columns, add the key to ``_OPTIONAL`` of
+   `rtamt_gym.evaluation.evaluation`.
 4. Write ``examples/releases/*.json`` again; ``test_example_files_are_current`` has the command.
    ``test_statistics.py`` and ``test_codec.py`` in ``tests/rtamt_gym/results`` list the keys that
    may be "-" and the facts of the page.

@@ -3,9 +3,9 @@
 To add an optimizer, such as ``"tpe"``: a function and a row of `OPTIMIZERS`. The tests run
 `check_optimizer` on every row. List it in the table of ``docs/falsification.md``. ``rtamt falsify
 --help`` shows the first line of its docstring, so run ``tests/support/command_options.py``, which
-writes ``docs/reference/commands.md``. The errors in ``test_falsify_errors.py`` and
-``test_falsify_command.py`` list all optimizers. A library is an extra, as for a trace format in
-`rtamt_gym.recorded.readers`.
+writes ``docs/reference/commands.md``. Errors in ``tests/rtamt_gym/search/test_falsify_errors.py``
+and ``tests/rtamt_gym/commands/falsify.txt`` list all optimizers. A library is an extra, as for a
+trace format in `rtamt_gym.recorded.readers`.
 """
 
 from __future__ import annotations
