@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import assert_never
 
 from rtamt.program import algebra
 from rtamt.program.instructions import Const, Map, Window
@@ -129,16 +130,17 @@ class Continuations:
                 stream = StreamValues(None, -self._layout.oldest, instruction.value)
             elif r < self.program.terms:
                 stream = StreamValues(None, 0, INF if name == "upper" else -INF)
-            elif isinstance(instruction, Map):
-                stream = self._pointwise(now, view, r, instruction)
-            else:
-                window = self._layout.windows[r]
+            elif isinstance(formula := self.program.formula(r), Map):
+                stream = self._pointwise(now, view, r, formula)
+            elif isinstance(window := formula, Window):
                 compute = self._future if window.hi is None else self._windowed
                 stream = compute(now, view, r, window)
                 if opened is None:
                     stream = self._replace_after_now(now, view, window, stream)
                 elif window.endless or window.hi is None:
                     stream = self._merge_cut(r, window, stream, opened.streams[r])
+            else:
+                assert_never(formula)
             view.streams[r] = stream
         return view
 

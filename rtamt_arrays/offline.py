@@ -207,7 +207,7 @@ def _error(program: Program, n: int) -> _Error:
                 width = (n if hi is None else hi) - (-n if lo is None else lo) + 1
                 combine = FOLDS[name].made(_lesser, _greater)
                 errors.append(_window_error(combine, tuple(errors[a] for a in args), width)[-1])
-            case _:
+            case Load() | Const() | Map():
                 msg = "an input or another function after the terms"
                 raise AssertionError(msg)
     return errors[program.result]

@@ -25,7 +25,8 @@ then lists each ``match`` with ``assert_never`` that must read them. Also give i
   ``git grep -nE "\.cut|\.opened|== .cut"`` finds these conditions, which mypy cannot;
 - ``rtamt/native``: ``core/order.hpp`` and ``python/encoding.cpp``; the compiler then warns of each
   ``switch`` that must read it. Worlds are in ``episode/polynomials.hpp`` and ``dense/regions.hpp``;
-  ``git grep -nE "is_cut|kCut|End::cut|cut_lower"`` finds the other conditions;
+  ``git grep -nE "is_cut|kCut|End::cut|cut_lower"`` finds the other conditions, and ``git grep -nE
+  "0 to 4|1 to 5 worlds"`` the errors with the number of worlds;
 - `rtamt.monitors`: ``traces``, ``judgement``, ``judgements``, ``many``, ``explainer`` and
   ``evidence``, and ``TraceSpan`` in `rtamt.program.implications`;
 - `rtamt.checking.encoding`, where it reads ``cut``;
@@ -36,8 +37,9 @@ then lists each ``match`` with ``assert_never`` that must read them. Also give i
 
 Describe it in ``docs/ends.md``, in ``finish`` of the monitors, in `rtamt.judge`, and in the options
 ``end``, ``at_termination`` and ``at_truncation`` of `rtamt_gym.options.evaluation`, which commands,
-wrappers and nodes take their choices from. ``tests/support/end_oracle.py`` defines every end mode
-again. ``git grep -nE "complete.*(cut.*open|open.*cut)|(cut|open).*complete"`` finds the tests,
+wrappers and nodes take their choices from. ``tests/support`` defines every end mode again:
+``end_oracle.py`` over samples, ``region_oracle.py`` in dense time, and ``asked_oracle.py`` for
+triggers. ``git grep -nE "complete.*(cut.*open|open.*cut)|(cut|open).*complete"`` finds the tests,
 errors and pages that list all of them.
 """
 

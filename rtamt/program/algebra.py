@@ -29,12 +29,15 @@ alone. The machines rely on its laws, and ``tests/rtamt/program/test_algebra.py`
 
 Sum, mean and AGM robustness cannot be rows: a sum is not idempotent, and a mean makes numbers that
 no operand has. They need a fifth instruction in `rtamt.program.instructions`, ``AVERAGE lo hi``,
-and other functions than min and max for ``and`` and ``or``. mypy then lists each ``match``
-that must run or refuse it, because the match statements of `rtamt.program`, `rtamt.machines`,
-`rtamt.monitors` and `rtamt_arrays` name every kind (``exhaustive-match`` in ``pyproject.toml``).
-Search for ``isinstance`` with `Window` too. In ``rtamt/native``, search for ``Opcode``,
-``RTAMT_KINDS``, ``"WINDOW"`` and ``"MAP"``: the machines of episodes and of dense time and the FMUs
-compare names. `lattice_of` in `rtamt_arrays.offline`, for
+and other functions than min and max for ``and`` and ``or``. mypy then lists each ``match`` that
+must run or refuse it, because the match statements of `rtamt.program`, `rtamt.machines`,
+`rtamt.monitors` and `rtamt_arrays` name every kind (``exhaustive-match`` in ``pyproject.toml``). It
+cannot list ``isinstance`` with `Map` or `Window`: search for these in `rtamt` and `rtamt_arrays`
+too. In ``rtamt/native``, search for ``Opcode``, ``RTAMT_KINDS``, ``"WINDOW"`` and ``"MAP"``: the
+machines of episodes and of dense time and the FMUs compare names. Means for ``and`` and ``or`` are
+rows of `FUNCTIONS` and a semantics in `rtamt.program.interface`. Define the average again in
+``oracle.py``, ``region_oracle.py`` and ``dense_oracle.py`` of ``tests/support``, and describe it in
+``docs/language.md`` and ``docs/stl.md``. `lattice_of` in `rtamt_arrays.offline`, for
 ``semantics="smooth"``, is the only semantics with other means so far.
 """
 

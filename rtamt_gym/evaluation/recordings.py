@@ -111,7 +111,13 @@ def compare_recordings(
     folders: Sequence[str] | None = None,
     accept_changed: bool = False,
 ) -> RecordingsComparison:
-    """Compare the violations of two sets of recordings, as `match_spans` matches them."""
+    """Compare the violations of two sets of recordings, as `match_spans` matches them.
+
+    ``tolerance`` is in seconds, or in samples of recordings without times. ``times`` is None for
+    recorded times, which is an error if times since the start have another result.
+    ``accept_changed`` leaves out requirements with a changed text, and compares recordings although
+    their columns were read with different options; otherwise, both are an error.
+    """
     _check_options(a, b)
     different = list(reading_differences(a, b))
     if different and not accept_changed:

@@ -39,7 +39,8 @@ Numbers = NDArray[np.int64]
 class VectorMonitorSet:
     """`MonitorSet` for a batch: its arrays have an element for every environment.
 
-    ``columns`` names the columns of the tables.
+    ``columns`` names the columns of the tables. ``robustness`` is the minimum over the
+    specifications; with ``view="step"``, of instants.
     """
 
     def __init__(

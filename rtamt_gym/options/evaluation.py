@@ -8,11 +8,14 @@ To add an evaluation option, such as ``nan=``:
 
 1. Add the field to `EvaluationOptions`, and its type to `EvaluationKeywords`.
 2. Write its meaning where samples are evaluated. An option with ``calls="samples"`` is passed on to
-   the monitors of `rtamt`.
+   the monitors of `rtamt`; list it in the docstrings of `mine` and `evaluate_rollouts`. If it
+   changes the values of recorded samples, as ``align`` does, `Run` keeps it, because `replay`,
+   `explain`, the page and `mine` judge these samples again: ``git grep -nw align rtamt_gym`` finds
+   all such places.
 3. If commands that play episodes take it, add its flag to `EPISODES` of
-   `rtamt_gym.options.command_line`; if array wrappers do, its name to ``_EVALUATION`` and
-   ``RequirementOptions`` of `rtamt_arrays.judging`. A command of recorded traces lists the
-   flag in ``add_options``.
+   `rtamt_gym.options.command_line` and to ``add_options`` of `rtamt_gym.commands.run`; if array
+   wrappers do, its name to ``_EVALUATION`` and ``RequirementOptions`` of `rtamt_arrays.judging`. A
+   command of recorded traces lists the flag in ``add_options``.
 4. Add a row to the table of options in ``docs/gymnasium.md``. Run
    ``tests/support/command_options.py``, which writes ``docs/reference/commands.md``.
 5. An option of recorded traces is also in ``RecordedKeywords`` and the docstring of

@@ -326,7 +326,8 @@ class Recipe:
     def identity(self, requirements: Mapping[str, str]) -> dict[str, Any]:
         """Return the identity of the rows of this runner, for JSON.
 
-        A function is represented by its name: the fingerprint of the runner covers its source.
+        A function, and an object that JSON cannot store, is represented by its name: the
+        fingerprint of the runner covers its source and values.
         """
         system = self._system
         return {
@@ -357,8 +358,8 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
 class ParallelRunner:
     """Runs cases on several processes or machines; the rows equal the runner's own rows.
 
-    The options are the options of `run_campaign`; ``wrap`` is called with the
-    runner of each process.
+    The options are the options of `run_campaign`; ``wrap`` is called with the runner of each
+    process.
     """
 
     def __init__(

@@ -232,6 +232,10 @@ class NativeBatch(PlayBatch):
         self._actions = self._rollouts.driven(listed, len(self._all), self.period)
         self._take(first, since)
 
+    def close(self) -> None:
+        """Forget the runs, which refer to this batch: the cycle would keep its samples."""
+        self._runs = []
+
     def begin(self, place: int, task: Task) -> NativeRun:  # noqa: ARG002
         return self._runs[place]
 

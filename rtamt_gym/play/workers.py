@@ -1,7 +1,8 @@
 """Runs tasks in watched processes: a run may end its process or hang in it.
 
 The worker of joblib that has the tasks watches the process: a thread on this machine, a process on
-a cluster. Therefore a run that kills its process does not end a worker.
+a cluster. Therefore a run that kills its process does not end a worker. `main` is the program of
+such a process.
 """
 
 from __future__ import annotations

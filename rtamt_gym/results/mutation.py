@@ -33,7 +33,7 @@ class JudgedMutant:
     formula: str
     says: MutantSays
     noticed_by: str = ""
-    samples: int = 0  # no shorter trace kills an unknown mutant; 0 if even this is unknown
+    samples: int = 0  # no trace of up to this many samples kills an unknown one; 0 if unknown
     why: str = ""
     apart: Mapping[str, tuple[float, ...]] | None = None  # a trace that would kill it
     satisfies: Literal["", "requirement", "mutant"] = ""

@@ -27,7 +27,7 @@ class Syntax:
         example: A selector, for messages.
         names: The maximum number of names after the colon.
         field: Whether a field follows.
-        brackets: Whether a key comes first in the brackets.
+        brackets: ``"any"`` for indices and keys; ``"key"`` if a key comes first.
         common: Whether hints show the example.
     """
 

@@ -285,7 +285,8 @@ class Model:
 
     The model may be any object with ``predict(observation, state, episode_start,
     deterministic=...)`` that returns an action and the next state, for one observation or a batch.
-    A recurrent state starts again with every episode. Random actions come from generators of the
+    A recurrent state starts again with every episode. Observations are normalized if the model was
+    trained with a ``VecNormalize``. Random actions come from generators of the
     episode; the global generators of Torch and NumPy do not change.
 
     Attributes:

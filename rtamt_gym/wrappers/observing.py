@@ -363,6 +363,7 @@ class _Watch:
         """Watch the first samples of the environments in the mask; None: of all."""
         self._count_stored()
         started = self._all if entries is None else entries
+        # A running episode has ended without a last sample.
         self._episodes += int(np.count_nonzero(self._running & started))
         if not self.finished:
             self._running = self._running | started
@@ -446,7 +447,7 @@ class ClipWatch(_Watch):
         )
 
     def _count(self, values: Sequence[Floats], *, last: bool) -> None:
-        if last is self._shaping.pays_episode:
+        if last is self._shaping.pays_episode:  # "terminal" pays only at last samples
             self._extent.add(self._shaping.deciding(values))
 
 
