@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, cast
@@ -189,8 +190,8 @@ def warn_of_times(
         unit = unit_of_times(name)
         if unit is None and not is_dated(values):
             continue
-        times = np.asarray(values)
-        if times.ndim != 1 or times.dtype.kind not in "iufmM" or unit not in {None, "", *_UNITS}:
+        times = _plain_times(values)
+        if times is None or unit not in {None, "", *_UNITS}:
             continue
         if times.dtype.kind in "mM":
             times, unit = times.astype(f"{times.dtype.kind}8[ns]").astype(np.int64), "ns"
@@ -203,8 +204,28 @@ def warn_of_times(
         warnings.warn(
             f"period= leaves the times in {name!r} unread, which are {distances}"
             f"{' s' if unit else ''} apart, not {period:.6g} s. Pass their period, or drop them.",
-            stacklevel=2,
+            stacklevel=_callers_level(),
         )
+
+
+def _plain_times(values: Any) -> NDArray[Any] | None:  # noqa: ANN401 - a column of any library
+    """Return a column of finite times as an array, dates as UTC; None if it is not one."""
+    try:
+        times = np.asarray(values)
+        if getattr(getattr(values, "dtype", None), "tz", None) is not None:
+            times = np.asarray(values, "M8[ns]")
+    except (TypeError, ValueError, RuntimeError):
+        return None
+    plain = times.ndim == 1 and times.dtype.kind in "iufmM"
+    return times if plain and np.isfinite(times).all() else None
+
+
+def _callers_level() -> int:
+    """Return the stack level of the first caller outside this package, for a warning."""
+    level, frame = 0, inspect.currentframe()
+    while frame and frame.f_globals["__name__"].partition(".")[0] == "rtamt":
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 _UNITS = {unit: count / 1e9 for unit, count in NANOSECONDS.items()}

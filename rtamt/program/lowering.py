@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import Concatenate, ParamSpec, TypeVar, assert_never, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, assert_never, cast
 
 from rtamt.language.formula import Term
 from rtamt.language.interval import applied
@@ -136,6 +137,7 @@ class ProgramBuilder:
 
         A neutral constant has two values, so it is not folded.
         """
+        self._require(len(args) == FUNCTIONS[function].arity, f"{function} has wrong arity")
         operands = [self.instructions[a] for a in args]
         values = [i.value for i in operands if isinstance(i, Const) and not i.neutral]
         if len(values) == len(args):
@@ -163,9 +165,19 @@ class ProgramBuilder:
                 "the laws in rtamt/program/algebra.py"
             )
             raise AssertionError(msg)
+        self._require(len(args) == FOLDS[fold].width, f"{fold} has wrong arity")
         if lo == hi == 0:
             return args[-1]
+        one_side = (hi is not None and hi <= 0) or (lo is not None and lo >= 0)
+        self._require(one_side, f"the window of {fold} looks both ways")
+        self._require(lo is None or hi is None or lo <= hi, f"the window of {fold} is empty")
         return self.emit(Window(fold, lo, hi, args))
+
+    def _require(self, condition: bool, problem: str) -> None:  # noqa: FBT001
+        """Check what a row of operators has written."""
+        if not condition:
+            msg = f"{problem} in the meaning of {self.node}"
+            raise AssertionError(msg)
 
     def _guard(self, begin: int, p: int, *, endless: bool) -> int:
         """Return the condition before the window of ``until``."""
@@ -204,15 +216,21 @@ def cached_by_text(
     compiler: Callable[Concatenate[Specification, _P], _R],
 ) -> Callable[Concatenate[Specification, _P], _R]:
     """Cache programs: equal specifications may differ in their text, and errors point at it."""
+    build: Callable[..., _R] = compiler
 
-    def compile_text(text: str, spec: Specification, *args: _P.args, **kwargs: _P.kwargs) -> _R:  # noqa: ARG001 - a key of the cache
-        return compiler(spec, *args, **kwargs)
+    def compile_text(text: str, spec: Specification, **options: Any) -> _R:  # noqa: ANN401, ARG001 - the text is a key of the cache
+        return build(spec, **options)
 
     cached: Callable[..., _R] = functools.lru_cache(maxsize=512)(compile_text)
+    parameters = [*inspect.signature(compiler).parameters.values()][1:]
+    names = [parameter.name for parameter in parameters]
+    defaults = {parameter.name: parameter.default for parameter in parameters}
 
     @functools.wraps(compiler)
     def compiled(spec: Specification, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
-        return cached(spec.text, spec, *args, **kwargs)
+        # One key of the cache for each way to write a call.
+        options = defaults | dict(zip(names, args, strict=False)) | kwargs
+        return cached(spec.text, spec, **options)
 
     return compiled
 

@@ -113,6 +113,30 @@ def test_times_that_contradict_the_period(
     rtamt.judge("always(x > 1)", frame, period=period)  # counts nothing
 
 
+def test_period_warning_names_the_caller() -> None:
+    data = {"x": [5.0, 4.0], "time": [0.0, 1.0]}
+    for call in (rtamt.evaluate, rtamt.judge, rtamt.explain):
+        with pytest.warns(UserWarning, match="unread") as caught:
+            call("always[0:1](x > 1)", data, period="100ms")
+        assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_time_zones_do_not_hide_the_period_warning() -> None:
+    index = pd.date_range("2020", periods=2, freq="10s", tz="Europe/Vienna")
+    with pytest.warns(UserWarning, match="which are 10 s apart, not 1 s"):
+        rtamt.judge("always[0:1](x > 1)", pd.DataFrame({"x": [5.0, 4.0]}, index=index), period=1)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [[0.0, float("nan"), 9.0], [[0.0], [1.0, 2.0], 3.0], np.array(["NaT", 1, 2], "M8[s]")],
+    ids=["nan", "ragged", "NaT"],
+)
+def test_times_without_distances_are_no_contradiction(times: object) -> None:
+    data = {"x": [5.0, 4.0, 3.0], "time": times}
+    assert rtamt.judge("always[0:1](x > 1)", data, period=1).verdict
+
+
 @pytest.mark.parametrize(
     ("times", "period"),
     [([0, 100, 200, 300], "100ms"), ([0.0, 0.1, 0.2, 0.304], 0.1), ([0, 1000, 2000, 3000], "1ms")],

@@ -18,7 +18,8 @@ from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.dense_lowering import compile_dense, compile_regions
 from rtamt.program.encoding import encoded_episode
 from rtamt.program.instructions import Const, Load, Map, Window, operands
-from rtamt.program.lowering import compile_program
+from rtamt.program.interface import STANDARD
+from rtamt.program.lowering import ProgramBuilder, compile_program
 from rtamt.program.program import Program
 
 
@@ -56,6 +57,30 @@ def test_programs_are_well_formed(formula: Formula) -> None:
                     assert FOLDS[fold].width == len(args)
                     assert (hi is not None and hi <= 0) or (lo is not None and lo >= 0)
                     assert lo is None or hi is None or lo <= hi
+
+
+@pytest.mark.parametrize(
+    ("write", "problem"),
+    [
+        (lambda builder: builder.window("min", -1, 1, 0), "the window of min looks both ways"),
+        (lambda builder: builder.window("min", None, None, 0), "the window of min looks both ways"),
+        (lambda builder: builder.window("min", 3, 1, 0), "the window of min is empty"),
+        (lambda builder: builder.window("min", 0, 2, 0, 0), "min has wrong arity"),
+        (lambda builder: builder.map("min", 0), "min has wrong arity"),
+    ],
+)
+def test_wrong_meaning_error(write: Callable[[ProgramBuilder], int], problem: str) -> None:
+    builder = ProgramBuilder(rtamt.parse("x > 0"), None, STANDARD, None)
+    builder.program()
+    with pytest.raises(AssertionError, match=f"^{problem} in the meaning of "):
+        write(builder)
+
+
+def test_equal_calls_share_a_program() -> None:
+    spec = rtamt.parse("always(x > 0)")
+    program = compile_program(spec)
+    assert compile_program(spec, None, interface=STANDARD) is program
+    assert compile_program(spec, period=None, online=False) is program
 
 
 def test_the_listing_says_which_constants_are_neutral() -> None:
