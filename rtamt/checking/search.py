@@ -69,7 +69,8 @@ class SearchAnswer:
     """The result of a search.
 
     A trace is impossible at any length (``none``), or if it repeats its last samples, up to
-    ``samples``. ``core`` has the places of goals that clash, and ``limits`` the ranges and rates.
+    ``samples``; 0 is unknown. ``core`` has the places of goals that clash, and ``limits`` the
+    ranges and rates; both are empty if unknown. ``why`` is the reason for an unknown answer.
     """
 
     trace: ExampleTrace | None = None
@@ -101,7 +102,10 @@ class _Shape:
 
 
 class WitnessSearch:
-    """A search for traces; searches share the truths and traces of earlier ones."""
+    """A search for traces; searches share the truths and traces of earlier ones.
+
+    ``horizon`` is the maximum number of samples of a trace, and ``timeout`` is in seconds.
+    """
 
     def __init__(
         self,

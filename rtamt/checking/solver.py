@@ -75,7 +75,7 @@ class Solver:
         }
 
     def solve(self, truths: Sequence[Truth], deadline: float, *, wide: bool) -> Solution:
-        """Return whether truths can be true together; ``wide`` is the model that rounds."""
+        """Return whether truths can be true together; ``wide`` selects the wide arithmetic."""
         for index, truth in enumerate(truths):
             if truth == FALSE:
                 return Solution(possible=False, loads={}, core=(index,))

@@ -89,7 +89,7 @@ _CATEGORIES: Final = {
 class UnitVariable(NamedTuple):
     """A variable of a unit."""
 
-    name: str  # its name
+    name: str
     reference: int  # its value reference
     kind: VariableType  # its type; the name depends on the version of FMI
     causality: Causality  # its role in FMI; a local variable is a constant that cannot be set

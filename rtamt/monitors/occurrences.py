@@ -236,7 +236,10 @@ class BodyOccurrences:
         return {verdict: int(np.count_nonzero(verdicts == verdict)) for verdict in Verdict}
 
     def lines(self, moment: Callable[[Any], str], *, rates: bool = True) -> Iterator[str]:
-        """Yield the lines of a text; ``rates`` adds the share of the time and the rate."""
+        """Yield the lines of a text.
+
+        ``moment`` returns the text of a time; ``rates`` adds the share of the time and the rate.
+        """
         yield f"{self.text}: {self._count(rates=rates)}"
         for row in self.violations[:_SHOWN]:
             until = " (after the trace)" if row.unseen else ""

@@ -100,11 +100,12 @@ def flat(parts: Parts) -> Iterator[Part]:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The operand and the place from which a value was taken; None for a window outside the trace.
+    """The operand and the place from which a value was taken.
 
-    ``witness`` is where ``until`` or ``since`` reached its right side. ``outside`` has the ends of
-    a window outside the trace, None for an open end. As long as the signs of ``parts`` stay, so
-    does the sign of the value, whatever else changes.
+    ``operand`` is None for a window outside the trace. ``witness`` is where ``until`` or ``since``
+    reached its right side. ``outside`` has the ends of a window outside the trace, None for an open
+    end. As long as the signs of ``parts`` stay, so does the sign of the value, whatever else
+    changes.
     """
 
     operand: int | None = None

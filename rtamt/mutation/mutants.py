@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from rtamt.errors import (
     InputError,
@@ -28,11 +28,13 @@ from rtamt.monitors.judgement import judge
 from rtamt.monitors.options import SampleOptions, checked_end, compiled, listed_in_signature
 from rtamt.monitors.verdict import Verdict
 from rtamt.mutation.mutations import MUTATIONS, Mutation
-from rtamt.mutation.requirement_text import Change, RequirementText
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period
 from rtamt.renamed import OldName, old_keywords
+
+if TYPE_CHECKING:  # it loads the parser
+    from rtamt.mutation.requirement_text import Change
 
 _DECIDED = {Verdict.SATISFIED, Verdict.VIOLATED}
 
@@ -114,6 +116,8 @@ def mutants(
     References:
         See `rtamt.mutation.mutations`.
     """
+    from rtamt.mutation.requirement_text import RequirementText
+
     rows = _rows(kinds)
     if limit is not None and limit < 1:
         msg = f"limit: expected 1 mutant or more, got {limit}"

@@ -242,7 +242,7 @@ class Function:
 
     name: str
     arity: int
-    apply: Callable[..., float]  # the function
+    apply: Callable[..., float]
     rule: IntervalRule  # its values for unknown operands; see `everything`
 
 

@@ -41,7 +41,7 @@ class Token(Protocol):
 
 
 def text_around(token: Token) -> str:
-    """Return the whole text of a token."""
+    """Return the whole text that a token is part of."""
     text: str = token.getInputStream().strdata
     return text
 

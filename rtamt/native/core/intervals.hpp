@@ -1,6 +1,6 @@
 // Interval arithmetic: which values a function of MAP can have where its operands are not known.
-// The definitions are the rules of rtamt/program/algebra.py, which FUNCTIONS in
-// rtamt/program/algebra.py names; the results are equal bit for bit.
+// The definitions are the rules in rtamt/program/algebra.py that FUNCTIONS names there; the results
+// are equal bit for bit.
 #pragma once
 
 #include <cmath>

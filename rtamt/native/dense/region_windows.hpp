@@ -395,7 +395,7 @@ protected:
         scan(total_, operands_.settled(begin + hi_, end + hi_, trace_.corners), begin, kept_);
     }
     void write_open(std::size_t world, Time begin, Time, Runs& found) override {
-        if (trace_.whole) begin = 0;
+        if (trace_.whole) begin = 0;  // total_ has taken nothing, so the scan starts at position 0
         open_total_.assign(1, trace_.pair_in_world(world, total_.data()));
         scan(open_total_, operands_.seen(world, begin + hi_), begin, found);
     }

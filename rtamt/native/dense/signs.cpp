@@ -90,7 +90,7 @@ bool Signs::read(const Events* events, Time begin, Time last) {
     trace_->t = 2 * (last - begin);
     for (std::size_t world = Regions::now + 1; numbers_ && world < Regions::worlds; ++world)
         settle(world);
-    std::vector<Events> inside;  // and the last events at the begin or before
+    std::vector<Events> inside;  // events in the trace, and the last one at its begin or before
     for (std::size_t v = 0; v < variables_; ++v) {
         const Events& e = events[v];
         const Time* const end = std::upper_bound(e.times, e.times + e.size, last);
