@@ -219,7 +219,7 @@ class TextRows(RowReader):
 
     def _fault_of_names(self, text: str, line: int) -> BadLine | None:
         """Return the fault of a line with the names of the columns again; None for another line."""
-        cells = [shown(cell.strip()) for cell in self._row(text) or []]
+        cells = [shown(cell.strip()) for cell in self._cells(text)]
         names = [*map(str.strip, self.names)]
         known = sum(cell in names for cell in cells)
         if 2 * known <= len(cells) or any(floats_in([cell]) is not None for cell in cells):
@@ -235,7 +235,7 @@ class TextRows(RowReader):
 
     def last_cells(self) -> dict[str, str]:
         """Return the cells of the last row by column."""
-        return dict(zip(self.names, self._row(self._last) or [], strict=False))
+        return dict(zip(self.names, self._cells(self._last), strict=False))
 
     def choose(
         self,
@@ -308,11 +308,12 @@ class TextRows(RowReader):
             row = self._row(text)
             if row is None:
                 continue
-            if not row:
+            if isinstance(row, str):
                 if good:
                     yield self._transposed(good, lines)
-                yield BadLine(line, _OPEN_CELL, skippable=False)
-                return
+                    good, lines = [], []
+                yield BadLine(line, row, skippable=row != _OPEN_CELL)
+                continue
             if len(row) != width or "".join(row[len(self.names) :]).strip():
                 if good:
                     yield self._transposed(good, lines)
@@ -334,8 +335,13 @@ class TextRows(RowReader):
     def _transposed(self, rows: list[list[str]], lines: list[int]) -> RowBlock:
         return RowBlock(lines, {name: [row[at] for row in rows] for name, at in self._wanted})
 
-    def _row(self, text: str) -> list[str] | None:
-        """Return the cells of a line; None for an empty line; no cells if one has no end."""
+    def _cells(self, text: str) -> list[str]:
+        """Return the cells of a line; no cells if it is empty or has a fault."""
+        row = self._row(text)
+        return row if isinstance(row, list) else []
+
+    def _row(self, text: str) -> list[str] | str | None:
+        """Return the cells of a line, or its fault; None for an empty line."""
         if not text:
             return None
         if self._separator == " ":
@@ -343,9 +349,10 @@ class TextRows(RowReader):
         reader = csv.reader([text, ""], delimiter=self._separator, skipinitialspace=True)
         try:
             row = next(reader)
-        except csv.Error:
-            return []
-        return [] if reader.line_num > 1 else row
+        except csv.Error as error:
+            reason = f"expected a row, got an error: {error}"
+            return _OPEN_CELL if text.count('"') % 2 else reason
+        return _OPEN_CELL if reader.line_num > 1 else row
 
 
 def _refuse_constant(text: str) -> NoReturn:

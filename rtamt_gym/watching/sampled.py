@@ -228,13 +228,13 @@ class SampledGroup(GroupTrace):
             self._gap = False
             before = self.samples
             stopped = self._take(values[:good], lines)
+            taken = self.samples - before
+            self._last = float(since[taken - 1])
+            self._last_raw, self._last_row = raw[taken - 1 : taken], values[taken - 1].tolist()
             if self._stated:
-                taken = self.samples - before
                 self._steps.add(since[:taken], lines[:taken])
             if stopped:
                 return
-            self._last = float(since[good - 1])
-            self._last_raw, self._last_row = raw[good - 1 : good], values[good - 1].tolist()
         if good == len(values):
             return
         if good == count:

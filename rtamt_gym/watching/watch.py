@@ -178,7 +178,8 @@ class StreamWatch:
         """Judge the lines that a block completes."""
         self._take(self._lines.add(block))
 
-    def _take(self, lines: list[bytes]) -> None:
+    def _take(self, lines: list[bytes], *, last: bool = False) -> None:
+        """Judge lines; no line follows the last one, so it can be left out."""
         first = self._line
         self._line += len(lines)
         if self._reader is None:
@@ -188,7 +189,7 @@ class StreamWatch:
                 return
         for item in self._reader.rows(lines, first):
             if isinstance(item, BadLine):
-                self._left_out(item.line, item.reason, skippable=item.skippable)
+                self._left_out(item.line, item.reason, skippable=item.skippable or last)
             else:
                 self._block(item)
             if self.stopped:
@@ -375,14 +376,13 @@ class StreamWatch:
     def _trace(self, group: str | None) -> Group:
         trace = self._touched = self.traces.get(group)
         if trace is None:
-            title = None if group is None else group
             if self.rules.reading.dense:
                 assert self._clock is not None, "it was checked"  # noqa: S101 - for mypy
                 absent = [n for n in self._cells.variables if n not in self._cells.there]
-                trace = EventGroup(self.rules, self._columns, self._clock, title, absent)
+                trace = EventGroup(self.rules, self._columns, self._clock, group, absent)
             else:
                 trace = SampledGroup(
-                    self.rules, self._columns, self._clock, title, lost=self._options.skip_bad
+                    self.rules, self._columns, self._clock, group, lost=self._options.skip_bad
                 )
             self.traces[group] = self._touched = trace
         return trace
@@ -428,7 +428,7 @@ class StreamWatch:
     def end_of_input(self) -> None:
         """Judge a last line without an end, and check that there were rows."""
         remaining = self._lines.finish()
-        self._take(remaining)
+        self._take(remaining, last=True)
         if self._options.live and b"".join(remaining).strip():
             text = (
                 f"the last line, line {self._line - 1}, has no end, as if the writer had stopped "

@@ -121,6 +121,30 @@ def test_quoted_cell_over_lines_is_never_skipped(cell: str, capsys: Output, stre
     assert f"{stream}, line 4: expected the end of a quoted cell in its line" in errors
 
 
+@pytest.mark.parametrize("size", [1, 200_000])
+def test_quoted_cell_without_end_in_a_last_line_without_end(
+    size: int, capsys: Output, stream: Path
+) -> None:
+    """The writer was killed, so no row follows."""
+    text = f'time,x,note\n0,1,a\n1,1,b\n2,1,"{"c" * size}'
+    code, lines, errors = watched(capsys, stream, text, CALM, "--skip-bad")
+    assert (code, lines[-1]["sample"]) == (3, 1)
+    assert "1 bad line left out, the first: " in errors
+    code, _, errors = watched(capsys, stream, f"{text}\n3,1,d\n", CALM, "--skip-bad")
+    assert code == 2
+    assert "line 4: expected the end of a quoted cell in its line" in errors
+
+
+def test_a_cell_that_is_too_long_is_a_bad_line(capsys: Output, stream: Path) -> None:
+    text = f'time,x,note\n0,1,a\n1,1,b\n2,1,"{"c" * 200_000}"\n3,9,d\n'
+    code, _, errors = watched(capsys, stream, text, CALM)
+    assert code == 2
+    assert f"{stream}, line 4: expected a row, got an error: field larger" in errors
+    code, lines, errors = watched(capsys, stream, text, CALM, "--skip-bad")
+    assert (code, lines[-1]["sample"]) == (1, 3)
+    assert "1 bad line left out, the first: " in errors
+
+
 @pytest.mark.parametrize("cell", ['5"', '"a, ""b"""', 'a "b" c', '"5"" nail"'])
 def test_quotes_within_a_line(cell: str, capsys: Output, stream: Path) -> None:
     text = f"time,x,note\n0,1,a\n1,1,{cell}\n2,1,b\n"

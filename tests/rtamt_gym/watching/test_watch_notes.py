@@ -343,6 +343,21 @@ def test_rows_that_drift_less_than_half_a_step(text: str, capsys: Output, tmp_pa
     assert "drift" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("period", [[], ["--period", "1s"]])
+@pytest.mark.parametrize("rows", [3, 40])
+def test_a_stopped_stream_does_not_drift(
+    rows: int, period: list[str], capsys: Output, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.csv"
+    values = [*[1] * (rows - 1), -1, 1, 1]
+    path.write_text("time,x\n" + "".join(f"{time}.0,{x}\n" for time, x in enumerate(values)))
+    options = ["--decimal", ".", "--time-unit", "s", "--stop", "decided", *period]
+    assert main(["watch", "always(x > 0)", str(path), *options]) == 1
+    text = capsys.readouterr().err
+    assert f"ended the stream at line {rows + 1}" in text
+    assert "drift" not in text
+
+
 LEFT_OUT = "x,y\n1,1\n1,{}\n1,2\n1,2\n"
 
 
