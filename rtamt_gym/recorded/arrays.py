@@ -259,3 +259,21 @@ def at_instants(
         invalid[name] = np.zeros(len(instants), bool)
         invalid[name][places] = np.isnan(arrays[name][places])
     return arrays, invalid
+
+
+def check_records(rows: Rows, wanted: Wanted) -> None:
+    """Check that a wanted column of times has a record in each row.
+
+    A column of another group may have records at other times.
+    """
+    times, time = rows.times, wanted.time
+    if time is None or times is None or times.dtype.kind != "f":
+        return
+    absent = np.isnan(times) & ~rows.invalid.get(time, np.zeros(rows.count, bool))
+    if absent.any():
+        row = int(absent.argmax())
+        others = [f"'{name}'" for name, values in rows.numbers.items() if not np.isnan(values[row])]
+        raise InputError(
+            f"{rows.source}: '{time}' has no record at the times of "
+            f"{' and '.join(others) or 'other columns'}; leave --time out"
+        )

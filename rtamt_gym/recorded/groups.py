@@ -119,7 +119,7 @@ class GroupTable:
         self._read_cells: dict[tuple[str, ...], _Cells] = {}
         self._traces: dict[str, _Keys] = {}
         self._steps: dict[str, float | None] = {}
-        self._selected: dict[_Keys, list[bool]] | None = None
+        self._selected: dict[tuple[tuple[str, str], ...], dict[_Keys, list[bool]]] = {}
         self.blank_rows = 0
         with self._opened() as recording:
             self.source = recording.source
@@ -253,7 +253,8 @@ class GroupTable:
 
     def selected(self, where: Mapping[str, str]) -> Mapping[_Keys, list[bool]]:
         """Return whether each row of each group, also those left out, has these texts."""
-        if self._selected is None:
+        chosen = tuple(where.items())
+        if chosen not in self._selected:
             with self._opened() as recording:
                 if self._as_text:
                     texts = recording.read(Wanted([], texts=self._columns.by)).texts
@@ -261,11 +262,11 @@ class GroupTable:
                     cells = recording.read(Wanted([], cells=self._columns.by)).cells
                     texts = {name: cell_texts(column) for name, column in cells.items()}
                 marks = recording.selected(where).tolist()
-            self._selected = {}
+            marked = self._selected[chosen] = {}
             keys = zip(*(texts[name] for name in self._columns.by), strict=True)
             for key, mark in zip(keys, marks, strict=True):
-                self._selected.setdefault(key, []).append(mark)
-        return self._selected
+                marked.setdefault(key, []).append(mark)
+        return self._selected[chosen]
 
     def cells(self, names: Sequence[str]) -> _Cells:
         """Return columns without conversion, and a function to the place of a row."""

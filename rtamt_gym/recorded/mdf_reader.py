@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
+from rtamt_gym.recorded.arrays import ArrayRecording, at_instants, check_records
 from rtamt_gym.recorded.columns import Columns, SameTime
 from rtamt_gym.recorded.readers import refusing
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
@@ -79,10 +79,13 @@ class MdfRecording(Recording):
                 with refusing(self._path, "a whole MDF file"):
                     signals[name] = self._signal(name, group, index, notes)
         lines = [signal.times for signal in signals.values()]
-        times = common_instants([*lines, self._ends()] if wanted.ends else lines)
+        own = wanted.time in (None, TIME)
+        times = common_instants([*lines, self._ends()] if wanted.ends and own else lines)
         arrays, invalid = at_instants(times, signals)
         rows = ArrayRecording(self.source, {TIME: times, **arrays}, invalid).read(wanted)
-        return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *notes])
+        check_records(rows, wanted)
+        unit = rows.unit or ("s" if own else "")
+        return replace(rows, unit=unit, sparse=True, notes=[*rows.notes, *notes])
 
     def _ends(self) -> Floats:
         """Return the first and the last time of all groups that have times and records."""

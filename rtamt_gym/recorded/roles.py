@@ -262,7 +262,10 @@ class RowTable:
         states = {n: t for n, t in self.columns.where.items() if not names_objects(n, texts=True)}
         if not states:
             return
-        (places,) = np.nonzero(self.recording.selected(states))
+        objects = {n: t for n, t in self.columns.where.items() if n not in states}
+        chosen = self.recording.selected(states)
+        chosen = chosen[self.recording.selected(objects)] if objects else chosen
+        (places,) = np.nonzero(chosen)
         gaps = np.diff(places) > 1
         if not gaps.any():
             return

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt.errors import shown
-from rtamt_gym.recorded.arrays import ArrayRecording, at_instants
+from rtamt_gym.recorded.arrays import ArrayRecording, at_instants, check_records
 from rtamt_gym.recorded.columns import SameTime
 from rtamt_gym.recorded.recording import Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TIME, check_rising, one_record
@@ -52,10 +52,14 @@ class TopicRecording(Recording):
         fields = {name: self._fields[name] for name in names or list(self._fields)[:1]}
         ordered, notes = self._in_order(fields)
         lines = [name.times for name in ordered.values()]
-        micros = np.unique(np.concatenate([*lines, *([self._ends()] if wanted.ends else [])]))
+        own = wanted.time in (None, TIME)
+        ends = [self._ends()] if wanted.ends and own else []
+        micros = np.unique(np.concatenate([*lines, *ends]))
         arrays, invalid = at_instants(micros, {n: (f.times, f.values) for n, f in ordered.items()})
         rows = ArrayRecording(self.source, {TIME: micros / 1e6, **arrays}, invalid).read(wanted)
-        return replace(rows, unit="s", sparse=True, notes=[*rows.notes, *self._notes, *notes])
+        check_records(rows, wanted)
+        unit = "s" if own else rows.unit or _unit_of(str(wanted.time))
+        return replace(rows, unit=unit, sparse=True, notes=[*rows.notes, *self._notes, *notes])
 
     def _ends(self) -> NDArray[np.uint64]:
         """Return the first and the last time of all topics."""
@@ -85,6 +89,11 @@ class TopicRecording(Recording):
                 left = counted(int((~stamped).sum()), "record")
                 left_out[f"{topic}: {left} without a time"] = None
         return ordered, [*notes, *([f"left out: {', '.join(left_out)}"] if left_out else [])]
+
+
+def _unit_of(field: str) -> str:
+    """Return the unit of times in a field; PX4 writes timestamps in microseconds."""
+    return "us" if field.rsplit(".", maxsplit=1)[-1].startswith("timestamp") else ""
 
 
 def _stamped(times: NDArray[np.uint64]) -> NDArray[np.bool_]:

@@ -345,9 +345,16 @@ def _axis(
             own = f"{float(times.since[1]):.12g}s"
             times = replace(times, step=step)
             advice = f", --period {own} for this trace alone if {own} is its step"
+            if _states(columns):
+                advice = ", the condition in the requirement instead of --where"
     if newest_first(times.since):
         times.check_order(rows.where)
     return times, advice
+
+
+def _states(columns: Columns) -> list[str]:
+    """Return the columns of ``--where`` that do not name objects."""
+    return [name for name in columns.where if not names_objects(name, texts=True)]
 
 
 def _with_room(columns: Columns, times: TimeAxis) -> Columns:
@@ -364,9 +371,9 @@ def _step_of_others(
     if rows.count != 2 or rows.times is None:
         return None
     step = recording.usual_step(wanted)
-    states = [name for name in columns.where if not names_objects(name, texts=True)]
-    if states and not columns.by:
-        every = recording.read(replace(wanted, numbers=(), gaps=(), cells=(), where={})).times
+    if (states := _states(columns)) and not columns.by:
+        where = {name: text for name, text in columns.where.items() if name not in states}
+        every = recording.read(replace(wanted, numbers=(), gaps=(), cells=(), where=where)).times
         step = None if every is None or not rises(every) else median(raw_steps(every))
     if step is None or float(raw_steps(rows.times)[0]) < HOLE * step:
         return None

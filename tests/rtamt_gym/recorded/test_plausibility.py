@@ -303,6 +303,40 @@ def test_a_marked_sample_is_an_empty_cell(
         assert np.round(at, 9).tolist() == [0.0, 0.1, 0.4, 0.5]
 
 
+@pytest.mark.parametrize("suffix", [".mf4", ".csv"])
+def test_times_of_a_channel_have_the_unit_of_its_name(
+    suffix: str, tmp_path: Path, capsys: Output
+) -> None:
+    path = tmp_path / f"run{suffix}"
+    x, at = np.array([1.0, 2.0, 3.0, -4.0, 5.0]), np.arange(5) * 100.0
+    if suffix == ".csv":
+        rows = zip(at, x, strict=True)
+        path.write_text("t_ms,x\n" + "".join(f"{time},{value}\n" for time, value in rows))
+    else:
+        with MDF(version="4.10") as file:
+            signals = {"x": x, "t_ms": at}
+            file.append([Signal(cells, at / 1000, name=name) for name, cells in signals.items()])
+            file.save(path, overwrite=True)
+    words = ["monitor", "always[0:1](x > 0)", str(path), "--time", "t_ms"]
+    for reading in ([], ["--dense"]):
+        assert main([*words, *reading]) == 1
+        assert "0 s to 0.4 s" in capsys.readouterr().out
+
+
+def test_times_of_a_channel_at_other_times(tmp_path: Path, capsys: Output) -> None:
+    path = tmp_path / "run.mf4"
+    with MDF(version="4.10") as file:
+        at = np.arange(5) / 10
+        file.append([Signal(np.ones(5), at, name="x"), Signal(10 + at, at, name="clk")])
+        file.append([Signal(np.ones(3), np.array([0.0, 0.15, 0.4]), name="y")])
+        file.save(path, overwrite=True)
+    words = ["--dense", "--time", "clk"]
+    assert main(["monitor", "always[0:1](x + y > 0)", str(path), *words]) == 2
+    expected = f"{path}: 'clk' has no record at the times of 'y'; leave --time out"
+    assert expected in capsys.readouterr().err
+    assert main(["monitor", "always[0:1](x > 0)", str(path), *words]) != 2
+
+
 def test_other_channel_times_are_not_invalid(tmp_path: Path) -> None:
     with MDF(version="4.10") as file:
         file.append([Signal(np.ones(3), np.array([0.0, 0.2, 0.4]), name="x")])

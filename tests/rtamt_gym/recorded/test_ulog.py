@@ -398,3 +398,17 @@ def test_spike_between_samples_counts_with_dense_only(tmp_path: Path) -> None:
     path, text = str(log.save(tmp_path / "spike.ulg")), "always(vehicle_local_position.x < 5)"
     assert main(["monitor", text, path, "--period", "100ms"]) == 0
     assert main(["monitor", text, path, "--dense"]) == 1
+
+
+def test_times_of_samples_are_microseconds(tmp_path: Path) -> None:
+    sensor, log = Topic("sensor", (("uint64_t", "timestamp_sample"), ("float", "x"))), Ulog()
+    for at in range(1_000_000, 1_500_000, 100_000):
+        log.data(sensor, at, [at - 10_000, 1])
+    path = log.save(tmp_path / "samples.ulg")
+    columns = Columns(time="sensor.timestamp_sample", signals={"x": "sensor.x"})
+    trace, _ = read_ruled(
+        str(path), {"": rtamt.parse("always(x > 0)")}, EvaluationOptions(), columns
+    )
+    assert isinstance(trace, Trace)
+    assert trace.times is not None
+    np.testing.assert_allclose(trace.times.seconds, 0.99 + np.arange(5) / 10)

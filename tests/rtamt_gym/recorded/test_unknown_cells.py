@@ -551,6 +551,34 @@ def test_selection_of_an_object_between_counted_rows(capsys: Output) -> None:
     assert judged(capsys, table, "--where", "car=a", text="always[0:1](x > 0)")[0] == 0
 
 
+SELECTED = (
+    "run,car,mode,x; 7,1,on,1; 7,2,on,1; 7,1,off,-1; 7,2,on,1; 7,1,on,1; 7,2,on,1; 7,2,on,1; "
+    "7,2,on,1"
+)
+"""Only the rows of object 1 have a row that ``--where mode=on`` leaves out."""
+
+
+@pytest.mark.parametrize("more", [(), ("--by", "car"), ("--by", "run")])
+@pytest.mark.parametrize(("car", "code"), [("1", 2), ("2", 0)])
+def test_selection_of_an_object_and_a_state(
+    capsys: Output, more: tuple[str, ...], car: str, code: int
+) -> None:
+    options = ("--where", "mode=on", "--where", f"car={car}")
+    got, text = judged(capsys, SELECTED, *options, *more, text="always[0:1](x > 0)")
+    assert got == code, text
+    assert ("line 6: --where leaves out rows before this one" in text) == (code == 2)
+
+
+def test_two_rows_of_an_object_and_a_state_are_not_a_step(capsys: Output) -> None:
+    table = "time,car,mode,x; 0,1,on,1; 0,2,on,1; 1,1,off,-1; 1,2,on,1; 2,1,on,1; 2,2,on,1"
+    options = ("--where", "mode=on", "--where", "car=1")
+    code, text = judged(capsys, table, *options, text="always[0:1](x > 0)")
+    assert code == 2, text
+    assert "expected samples at even distances, got time 2 after 0, elsewhere 1 s" in text
+    assert "the condition in the requirement instead of --where" in text
+    assert "--period" not in text  # it would overlook the row between
+
+
 def test_dropped_row_between_counted_rows(capsys: Output) -> None:
     table = "x,y; 1,1; ,1; 1,1; 1,1; -1,1"
     goal = "eventually[0:3](x < 0)"
