@@ -268,6 +268,7 @@ def outcome(judged: Callable[[], Judgement]) -> object:
         return str(error)
 
 
+@pytest.mark.filterwarnings("ignore:period= leaves the times")
 @settings(max_examples=examples(150))
 @given(
     st.dictionaries(st.sampled_from(NAMES_OF_ROLES), CELLS, max_size=3),
