@@ -229,7 +229,8 @@ def cached_by_text(
     @functools.wraps(compiler)
     def compiled(spec: Specification, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
         # One key of the cache for each way to write a call.
-        options = defaults | dict(zip(names, args, strict=False)) | kwargs
+        options = {**defaults, **kwargs}
+        options.update(zip(names, args, strict=False))
         return cached(spec.text, spec, **options)
 
     return compiled
