@@ -65,7 +65,7 @@ End = Literal["complete", "cut", "open"]
 
 
 class World(IntEnum):
-    """What follows the last sample: how the trace ends, and the value of unseen predicates.
+    """The time after the last sample: the end of the trace, and the value of unseen predicates.
 
     ========================  ==================================================================
     ``NOW``                   nothing: windows are cut to the trace
@@ -85,7 +85,7 @@ class World(IntEnum):
 
     @property
     def best(self) -> bool:
-        """Whether every unseen predicate is +inf."""
+        """True if every unseen predicate is +inf."""
         return self in (World.UPPER, World.CUT_UPPER)
 
     @property
@@ -95,7 +95,7 @@ class World(IntEnum):
 
     @property
     def cut(self) -> bool:
-        """Whether the trace was cut."""
+        """True if the trace was cut."""
         return self in (World.CUT_LOWER, World.CUT_UPPER)
 
     @property

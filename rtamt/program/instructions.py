@@ -68,7 +68,7 @@ class Window:
 
     @property
     def ahead(self) -> bool:
-        """Whether it reads later elements."""
+        """True if the window reads later elements."""
         return self.hi is None or self.hi > 0
 
     @property

@@ -87,7 +87,7 @@ class Recorder:
 
     @property
     def plain(self) -> bool:
-        """Whether monitors may read the steps of an environment without `take`."""
+        """True if monitors may read the steps of an environment without `take`."""
         return not self._further and not self._curves and self._live is None
 
     def reset(self) -> None:

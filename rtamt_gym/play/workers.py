@@ -246,7 +246,7 @@ def _drop(name: str, process: _Process) -> None:
 
 
 class Making:
-    """Whether this process is making its runner, which may import modules of the user."""
+    """A mark of processes that create their runner, which may import modules of the user."""
 
     now = False
 

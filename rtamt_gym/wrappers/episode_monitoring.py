@@ -59,7 +59,7 @@ class EpisodeMonitoring(Monitoring):
 
     @property
     def shown_live(self) -> bool:
-        """Whether a live view shows the samples."""
+        """True if a live view shows the samples."""
         return self._live is not None
 
     @property

@@ -196,11 +196,11 @@ class RobotContract:
     def test_losses_of_a_burst_are_counted(
         self, world: World, topic: str, started: Starter
     ) -> None:
-        """On ROS 2 the queue of 20 messages drops most of a burst; rospy has no such queue."""
+        """On ROS 2 the queue of 14 messages drops most of a burst; rospy has no such queue."""
         text, key = STAMPED.format(topic), f"{topic}/p"
         world.talker.ask("publisher", key, key, "geometry_msgs", "PointStamped")
         world.listener.ask("subscribe", topic, f"{topic}/out", *FLOAT, ["data"])
-        options = ("--depth", "20", "--qos", "reliable")
+        options = ("--depth", "14", "--qos", "reliable")
         name = ["--ros-args", "-r", "__node:=burst"]
         monitor = started(
             text, *options, *(name if world.ros.generation == 2 else ["__name:=burst"])
@@ -222,7 +222,7 @@ class RobotContract:
         words = r"(\d+) messages of p came at once, (\d+) were lost"
         taken, lost = map(int, re.search(words, answer).groups())  # type: ignore[union-attr]
         assert 200 <= taken + lost <= 203, answer
-        assert (lost > 100) == (world.ros.generation == 2), answer
+        assert (lost >= 170) == (world.ros.generation == 2), answer
         assert (f"lost messages: p: {lost}" in answer) == (lost > 0)
 
     def test_a_suspension_is_named(self, world: World, topic: str, started: Starter) -> None:

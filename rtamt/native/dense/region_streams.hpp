@@ -142,7 +142,7 @@ public:
         return memory.view();
     }
 
-    // States from where on open runs differ from those of `now`, so that only these are written.
+    // The state from which open runs differ from `now`; only these runs are written.
     void differ(std::size_t world, Time from) { differs_[world] = from; }
     Time differs(std::size_t world) const { return differs_[world]; }
 

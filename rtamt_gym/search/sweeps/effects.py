@@ -1,4 +1,4 @@
-"""What moves the robustness in a sweep: its map over two columns, and sensitivity indices."""
+"""The effects of columns in a sweep: a map of the robustness, and sensitivity indices."""
 
 from __future__ import annotations
 

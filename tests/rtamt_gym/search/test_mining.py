@@ -237,7 +237,7 @@ def refusal(
     kind: type[Exception] = InputError,
     **options: Any,  # noqa: ANN401
 ) -> str:
-    """What `mine` says when it refuses."""
+    """Return the error of `mine`."""
     with pytest.raises(kind) as caught:
         mine(
             requirement,

@@ -163,7 +163,7 @@ def test_an_fmu_is_heard_after_a_later_one_was_freed(tank: Path) -> None:
 
 
 OPEN = "always(monitor.verdict >= -1 and tank.level < 99)"
-"""What holds anyway, so that it ends no simulation."""
+"""A requirement that always holds, so that it ends no simulation."""
 
 TEXT = "const float most = 3; rises = inflow > 1; safe = always(rises implies level < most)"
 
